@@ -14,7 +14,7 @@ import coadjoint as co
 from coadjoint import csv_tables, manifest, sealed, texts, vehicles
 from coadjoint.cli.main import every_command
 from coadjoint.errors import CoadjointError
-from coadjoint.kernels.run import store
+from coadjoint.kernels import store
 from coadjoint.models.descriptions import elements
 from coadjoint.plotting import bodies, meshes
 from coadjoint_vehicles.hydrodynamics import wamit
@@ -40,6 +40,7 @@ KNOWN = {
     "cli/start.py": {"exec"},  # of an empty text
     "cli/viewing.py": {"webbrowser"},
     "kernels/run/compiled.py": {"pickle"},  # of the sealed cache of this user
+    "kernels/trace/programs.py": {"pickle"},  # of the same cache
     "plotting/film.py": {"subprocess"},  # ffmpeg of this machine, with a list of arguments
     "runs/factory.py": {"spec_from_file_location"},
     "sealed.py": {"subprocess"},  # a child that reads netCDF

@@ -11,7 +11,8 @@ from imports import circles, loaded, named, parsed
 
 STOREYS = (
     "arrays", "errors", "deprecation", "log", "collector", "interrupts", "disk", "c_sources", "memory", "manifest",
-    "lazy", "paths", "portable", "extensions", "earlier_names", "units", "texts", "overview", "sealed", "archives",
+    "lazy", "postponed", "trees", "before_jax", "paths", "portable", "extensions", "earlier_names", "units", "texts",
+    "overview", "sealed", "archives",
     "csv_tables", "roots", "kernels", "real_numbers", "known_names", "checks", "losses", "clocks", "sections",
     "groups", "spaces", "difference_maps", "mechanics", "methods", "models", "theory", "plotting", "simulation",
     "stability", "identification", "control", "estimation", "report", "audit", "runs", "sweeps", "cli", "extending",
@@ -25,7 +26,8 @@ PACKAGES_OF_VEHICLES = (
 )
 """From the ground up, too."""
 PACKAGES_OF_KERNELS = (
-    "untraceable", "float64", "program", "chunk", "packing", "lanes", "expressions", "trace", "newton", "emit", "run",
+    "untraceable", "store", "float64", "program", "chunk", "packing", "lanes", "expressions", "trace", "newton", "emit",
+    "run",
 )  # fmt: skip
 
 FACES = {"coadjoint", "coadjoint.vehicles"}

@@ -62,9 +62,12 @@ def numeric(value: object) -> bool:
 
 def is_short(dtype: Any) -> bool:
     """Whether this is a type of floats with fewer digits than float64: float32, float16, bfloat16 and the like."""
+    found = np.dtype(dtype)
+    if found.kind != "V":
+        return found.kind == "f" and found.itemsize < 8
     from jax import numpy as jnp
 
-    return bool(jnp.issubdtype(dtype, jnp.floating)) and np.dtype(dtype).itemsize < 8
+    return bool(jnp.issubdtype(found, jnp.floating)) and found.itemsize < 8
 
 
 def _float64_tracer(value: Tracer, name: str) -> Tracer:

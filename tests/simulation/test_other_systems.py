@@ -13,7 +13,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import FileError
-from coadjoint.kernels.run import store
+from coadjoint.kernels import store
 from coadjoint.simulation.lock import Lock
 
 

@@ -101,7 +101,7 @@ def _version(package: str) -> str:
 
 def _cache() -> tuple[str, list[str]]:
     """The folder of machine code, its size, and what to do where it cannot be used."""
-    from coadjoint.kernels.run.store import folder
+    from coadjoint.kernels.store import folder
 
     place = folder()
     if place is None:

@@ -7,7 +7,9 @@ import signal
 import sys
 from contextlib import suppress
 
+from coadjoint.before_jax import STAND_INS
 from coadjoint.cli.termination import status, stoppable, word
+from coadjoint.postponed import postpone
 
 SELDOM = 100_000
 """How many more objects are made than freed between two collections: imports and traces make millions that stay."""
@@ -16,6 +18,9 @@ SELDOM = 100_000
 def run() -> int:
     """Run the command and return the exit status; see `coadjoint.cli.main.main`."""
     gc.set_threshold(SELDOM)
+    postpone("jax", STAND_INS)
+    postpone("xarray")
+    postpone("pandas")
     found = _run()
     gc.freeze()  # Python's last collections would search, for a tenth of the time, what ends with the process.
     exec("")  # Python ends by SIGINT, whatever the status, if the last text that it executed was interrupted.

@@ -13,7 +13,7 @@ from coadjoint.arrays import Array, PyTree, Scalar
 from coadjoint.errors import ArgumentError, LagrangianError
 from coadjoint.groups import LieGroup
 from coadjoint.groups.group import Element
-from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.kernels.trace.evaluate import Mapped, evaluate
 from coadjoint.mechanics.members import Each
 from coadjoint.overview import NumberRow, Overview, WithOverview, value_text
 from coadjoint.spaces import Space
@@ -154,7 +154,7 @@ class State(WithOverview):
     def each(self, function: Callable[[State], object]) -> PyTree:
         """function of a single state, mapped over the leading axes of records; NumPy unless traced."""
         for _ in range(np.ndim(self.t)):
-            function = jax.vmap(function)
+            function = Mapped(function)
         return evaluate(function, self)
 
     @property

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError, shown
@@ -62,7 +63,7 @@ class Moves(NamedTuple):
 
 
 def moves(
-    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
+    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = np.float64
 ) -> Moves:
     """`moved` and `brackets`, from one conversion to a precision.
 
@@ -90,7 +91,7 @@ def moved(system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | 
 
 
 def brackets(
-    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = jnp.float64
+    system: System, xi: Array, along_a: Array, z: Array, epsilon: Array | float, precision: Any = np.float64
 ) -> Array:
     """The part of `moved` that is odd in ε, (unknowns,): ε[P, W] + Σ ε[B, Θ], and ε[P, Θ] of every Θ."""
     return moves(system, xi, along_a, z, epsilon, precision).odd

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from coadjoint import checks
 from coadjoint.checks import unknown
 from coadjoint.errors import ArgumentError, CoadjointError, FileError, rephrased
+from coadjoint.postponed import load
 from coadjoint.report.companion_files import keep_beside, kept_that_is_read
 from coadjoint.runs.initial import initial_values
 from coadjoint.sections import in_si, of_section
@@ -92,6 +93,7 @@ def _function(source: Path, name: str) -> Callable[..., Any]:
     module = module_from_spec(specification)
     home = source.parent.resolve()
     sys.path.insert(0, str(home))
+    load("jax")  # A file of a user has all of it, and none of `coadjoint.before_jax`.
     before = set(sys.modules)
     try:
         with kept_that_is_read(source):

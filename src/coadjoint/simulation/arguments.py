@@ -7,7 +7,6 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax import hessian, jacfwd
 from jax import numpy as jnp
 
 from coadjoint import checks
@@ -247,8 +246,8 @@ def damping_rate(system: System, state: State) -> float:
             xi, nu = split(v)
             return here.reduced_lagrangian(xi, state.n, nu, state.a, state.t, state.inputs, state.internal)
 
-        mass = jnp.eye(size) if here.lagrangian is None else hessian(lagrangian)(v)
-        return jacfwd(force)(v), mass
+        mass = jnp.eye(size) if here.lagrangian is None else jax.hessian(lagrangian)(v)
+        return jax.jacfwd(force)(v), mass
 
     at_start = np.concatenate([state.xi, state.nu if Q.flat else np.zeros(Q.dim(group))])
     scale = float(np.max(np.abs(at_start))) or 1.0

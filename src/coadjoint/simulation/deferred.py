@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import Mapped, evaluate, tabulate
 
 
 class Deferred:
@@ -80,8 +80,8 @@ def together(shapes: PyTree, make: Callable[[], PyTree]) -> PyTree:
 def of_each(function: Callable[..., PyTree], *records: PyTree) -> PyTree:
     """A function of each of the records; deferred if they are."""
     if not are_deferred(records):
-        return evaluate(jax.vmap(function), *records)
-    made = tabulate(jax.vmap(function), *jax.tree.map(lambda leaf: blank(leaf.shape, leaf.dtype), records))
+        return evaluate(Mapped(function), *records)
+    made = tabulate(Mapped(function), *jax.tree.map(lambda leaf: blank(leaf.shape, leaf.dtype), records))
     return together(made.shapes, lambda: made(*jax.tree.map(np.asarray, records)))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import jax
@@ -40,7 +40,10 @@ class Derivation:
 
     def __init__(self, skeleton: System, most: int = BATCH):
         self.skeleton, self.most = skeleton, most
-        self._made: dict[Any, Tabulated] = {}
+
+    @cached_property
+    def _made(self) -> dict[Any, Tabulated]:
+        return {}
 
     def __call__(self, parameters: PyTree, records: State, members: np.ndarray | None = None) -> Table:
         """`place` and `motion` of every record.

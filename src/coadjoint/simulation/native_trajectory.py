@@ -14,7 +14,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
+from jax import flatten_util
 
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
@@ -78,7 +78,7 @@ def _tangent_map(by_xla, pullback, arguments: object, tangents: object, shapes: 
     """The derivative of `by_xla` at the arguments along the tangents, with `pullback` as its transpose."""
     leaves, structure = jax.tree.flatten(arguments)
     # One flat tangent, zeros included, so that the primitive is linear in one operand.
-    flat, unravel = ravel_pytree(tangents)
+    flat, unravel = flatten_util.ravel_pytree(tangents)
     outputs, made_of = jax.tree.flatten(shapes)
 
     def push(leaves, tangent):
@@ -86,7 +86,7 @@ def _tangent_map(by_xla, pullback, arguments: object, tangents: object, shapes: 
         return jax.tree.leaves(found)
 
     def pull(leaves, cotangents):
-        return ravel_pytree(pullback(structure.unflatten(leaves), made_of.unflatten(cotangents)))[0]
+        return flatten_util.ravel_pytree(pullback(structure.unflatten(leaves), made_of.unflatten(cotangents)))[0]
 
     return made_of.unflatten(_tangent(leaves, flat, push, pull, outputs))
 

@@ -44,7 +44,7 @@ from coadjoint.simulation.problem import SimulationProblem
 from coadjoint.simulation.result import Result
 from coadjoint.simulation.run import Ensemble, Run
 from coadjoint.simulation.store import Store
-from coadjoint.simulation.store_reader import read_configuration, run_manifest, standing, stored_dataset
+from coadjoint.simulation.store_reader import read_configuration, run_manifest, standing
 from coadjoint.texts import Table
 
 if TYPE_CHECKING:
@@ -121,6 +121,8 @@ class _OnDisk(Result):
     @cached_property
     def dataset(self) -> xarray.Dataset:
         """The records as a labelled xarray dataset, read from the disk when they are used."""
+        from coadjoint.simulation.stored_dataset import stored_dataset  # loads xarray
+
         return stored_dataset(self.store.manifest, self.count, attributes(self), member_coordinates(self))
 
 

@@ -117,7 +117,7 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
 
     source = run_path(path)
     if os.path.isdir(source):
-        from coadjoint.simulation.store_reader import saved_dataset
+        from coadjoint.simulation.stored_dataset import saved_dataset
 
         return SavedRun(saved_dataset(source.absolute()), system)
     require_file(source)

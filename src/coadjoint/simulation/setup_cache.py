@@ -24,7 +24,8 @@ import jax
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.kernels.run import disk_cache, store
+from coadjoint.kernels import store
+from coadjoint.kernels.run import disk_cache
 from coadjoint.kernels.trace.digest import digest
 from coadjoint.kernels.trace.identity import identity
 from coadjoint.kernels.trace.jaxprs import trace_context

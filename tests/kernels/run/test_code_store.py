@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from vehicle import PAPER, VehicleProgram, start
 
-from coadjoint.kernels.run import machine, native, store
+from coadjoint.kernels import store
+from coadjoint.kernels.run import machine, native
 
 NAME = store.key("a", "b")
 

@@ -1,7 +1,7 @@
 """Functions of a program that XLA compiles, with options for the structure of its steps, kept on disk.
 
 An executable of XLA is found, without a trace, under the identity of its program, as plans of machine code are
-(`kernels.run.plans`), and is executed like machine code: files are sealed (`kernels.run.store`).
+(`kernels.run.plans`), and is executed like machine code: files are sealed (`kernels.store`).
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jax.experimental.serialize_executable import deserialize_and_load, serialize
+from jax.experimental import serialize_executable
 
 from coadjoint.arrays import PyTree
+from coadjoint.kernels import store
 from coadjoint.kernels.program import Program
-from coadjoint.kernels.run import plans, store
+from coadjoint.kernels.run import plans
 from coadjoint.kernels.run.xla_function import PREFIX, ready
 from coadjoint.kernels.trace.library import edited
 
@@ -103,7 +104,7 @@ class Compiled:
         if edited() or not all(name.startswith((LAPACK, PREFIX)) for name in called):
             return made
         with suppress(Exception):  # constants that it holds, or an object without a form in a file
-            executable, _, structure = serialize(made)
+            executable, _, structure = serialize_executable.serialize(made)
             numbered = jax.tree.unflatten(structure, range(structure.num_leaves))
             own = tuple(sorted(name for name in called if name.startswith(PREFIX)))
             lapack = any(name.startswith(LAPACK) for name in called)
@@ -133,7 +134,9 @@ def _loaded(name: str, args: tuple) -> Callable[..., PyTree] | None:
             _load_lapack()
         if not all(map(ready, kept.called)):
             return None
-        return deserialize_and_load(kept.executable, jax.tree.structure((args, {})), jax.tree.structure(kept.result))
+        return serialize_executable.deserialize_and_load(
+            kept.executable, jax.tree.structure((args, {})), jax.tree.structure(kept.result)
+        )
     except Exception:
         return None
 

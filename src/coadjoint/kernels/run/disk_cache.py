@@ -1,4 +1,4 @@
-"""Results of set-up on disk, next to the machine code (`kernels.run.store`): texts, numbers and names as JSON.
+"""Results of set-up on disk, next to the machine code (`kernels.store`): texts, numbers and names as JSON.
 
 The name of an entry depends on all inputs of the result, including the library. A result that may not come from the
 current files of the library is not stored.
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.kernels.run import store
+from coadjoint.kernels import store
 from coadjoint.kernels.run.machine import processor
 from coadjoint.kernels.trace.evaluate import evaluate, traced
 from coadjoint.kernels.trace.identity import identity

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 import llvmlite.binding as llvm
 
+from coadjoint.kernels import store
 from coadjoint.kernels.emit import FEW_PASSES
-from coadjoint.kernels.run import store
 from coadjoint.kernels.untraceable import Untraceable
 
 _RECIPE = "1"

@@ -6,6 +6,7 @@ For set-up, checks and tests: one evaluation costs about as much as its tracing,
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 
 import jax
@@ -15,8 +16,9 @@ from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace.control import CONTROL
 from coadjoint.kernels.trace.fork_safety import require_own_xla
 from coadjoint.kernels.trace.interpreter import Interpreter
-from coadjoint.kernels.trace.jaxprs import Tracer, jaxpr_of, results
+from coadjoint.kernels.trace.jaxprs import Tracer, results
 from coadjoint.kernels.trace.numeric import NUMERIC
+from coadjoint.kernels.trace.programs import program_of
 from coadjoint.kernels.trace.straight_line import Straight
 from coadjoint.kernels.untraceable import Untraceable
 
@@ -29,6 +31,18 @@ FEW = 12
 def traced(*values: object) -> bool:
     """Whether any leaf is a JAX tracer, so that the caller runs inside a user's own jit, grad or vmap."""
     return any(isinstance(leaf, Tracer) for leaf in jax.tree_util.tree_leaves(values))
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """`jax.vmap(function, in_axes, out_axes)`, with an identity by which its program is kept on disk."""
+
+    function: Callable[..., PyTree]
+    in_axes: PyTree = 0
+    out_axes: PyTree = 0
+
+    def __call__(self, *args: PyTree) -> PyTree:
+        return jax.vmap(self.function, self.in_axes, self.out_axes)(*args)
 
 
 def evaluate(function: Callable[..., PyTree], *args: object) -> PyTree:
@@ -57,7 +71,7 @@ class Tabulated:
     def __init__(self, function: Callable[..., PyTree], args: PyTree, long: bool):
         args = jax.tree_util.tree_map(_numpy, args)
         self._function = function
-        self._closed, self._structure = jaxpr_of(function, *args)
+        self._closed, self._structure = program_of(function, args)
         self._expected = jax.tree_util.tree_structure(args)
         self._shapes = [leaf.shape for leaf in jax.tree_util.tree_leaves(args)]
         self._by_xla: Callable | None = compiled(function) if long else None

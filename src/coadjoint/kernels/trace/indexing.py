@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-from jax import lax
 
 from coadjoint.kernels.expressions.expression import Expr, reachable
 from coadjoint.kernels.expressions.graph import Graph
@@ -121,7 +120,7 @@ def _gather(graph: Graph, p: EquationParameters, shape: tuple[int, ...], window:
     for position in np.ndindex(*lead):
         starts = _starts(graph, indices, position, len(shape), into, batching)
         found = window(starts, sizes)
-        if p["mode"] == lax.GatherScatterMode.FILL_OR_DROP:
+        if p.choice("mode") == "FILL_OR_DROP":
             found = _filled(graph, p, found, starts, [n - s for n, s in zip(shape, sizes, strict=True)])
         windows[position] = found
     return arranged(d, windows, len(lead))
@@ -157,7 +156,7 @@ def _scatter_add(graph: Graph, p: EquationParameters, operand: Array, indices: A
     ahead = [axis for axis in range(updates.ndim) if axis not in window]
     windows = updates.transpose([*ahead, *window]).reshape((*lead, *sizes))
     into, batching = d.scatter_dims_to_operand_dims, (d.operand_batching_dims, d.scatter_indices_batching_dims)
-    clip = p["mode"] == lax.GatherScatterMode.CLIP
+    clip = p.choice("mode") == "CLIP"
     last = [n - size for n, size in zip(operand.shape, sizes, strict=True)]
     out = operand.copy()
     for position in np.ndindex(*lead):

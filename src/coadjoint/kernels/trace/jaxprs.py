@@ -22,7 +22,9 @@ from jax.interpreters import partial_eval
 
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace.parameters import unknown_parameters
+from coadjoint.kernels.trace.plain import PlainNumber, PlainProgram
 from coadjoint.kernels.untraceable import UnknownVersion
+from coadjoint.postponed import loaded
 
 Atom = Any
 """A variable of a jaxpr, or a number that stands in its place."""
@@ -65,19 +67,23 @@ def used_by_each(function: Callable, *args: object) -> list[list[bool]]:
 
 def trace_context() -> object:
     """The settings of JAX that hold here and change traces, hashable; None if this JAX does not show them."""
+    if not loaded("jax"):
+        return "as JAX begins"
     shown = getattr(config, "trace_context", None)
     return None if shown is None else shown()
 
 
 def xla_has_begun() -> bool:
     """Whether XLA has started its threads in this process; False if this JAX does not show it."""
+    if not loaded("jax"):
+        return False
     started = getattr(xla_bridge, "backends_are_initialized", None)
     return started is not None and started()
 
 
 def is_jaxpr(value: object) -> bool:
     """Whether this is a jaxpr, with its own constants or without."""
-    return isinstance(value, (core.ClosedJaxpr, core.Jaxpr))
+    return isinstance(value, PlainProgram) or (loaded("jax") and isinstance(value, (core.ClosedJaxpr, core.Jaxpr)))
 
 
 def constants(jaxpr: object) -> list[PyTree]:
@@ -123,7 +129,8 @@ def opened(jaxpr: object) -> Any:
 
 def number(atom: Atom) -> np.ndarray | None:
     """The number that stands in the place of a variable, or None."""
-    return np.asarray(atom.val, dtype(atom)) if isinstance(atom, core.Literal) else None
+    known = isinstance(atom, PlainNumber) or (loaded("jax") and isinstance(atom, core.Literal))
+    return np.asarray(atom.val, dtype(atom)) if known else None
 
 
 def dtype(atom: Atom) -> Any:
@@ -155,6 +162,10 @@ class EquationParameters(dict[str, Any]):
 
     def __missing__(self, name: str) -> Any:
         raise unknown(self.primitive, f"no parameter `{name}`, which coadjoint reads")
+
+    def choice(self, name: str) -> str:
+        """The name of a parameter that is one of an enumeration of JAX."""
+        return str(getattr(self[name], "name", self[name]))
 
     def fields(self, name: str) -> _Fields:
         """A parameter that has fields, as the dimension numbers of a gather."""

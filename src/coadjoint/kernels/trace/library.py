@@ -16,6 +16,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from coadjoint.extensions import extensions
+from coadjoint.kernels import store
+from coadjoint.postponed import load, loaded
 
 NAME = __name__.partition(".")[0]
 ROOT = Path(__file__).parents[2]
@@ -98,10 +100,26 @@ _written_settings: list[tuple[dict[str, object], str]] = []
 
 
 def _settings() -> str:
-    """JAX's settings, some of which change what is traced."""
+    """JAX's settings, some of which change what is traced; before it is loaded those with which it will begin."""
+    if not loaded("jax"):
+        return _first_settings()
     import jax
 
     values = dict(jax.config.values)
     if not _written_settings or _written_settings[-1][0] != values:
         _written_settings[:] = [(values, repr(sorted((str(name), repr(value)) for name, value in values.items())))]
     return _written_settings[-1][1]
+
+
+@lru_cache(maxsize=1)
+def _first_settings() -> str:
+    """The settings that JAX takes from variables of the environment, as an earlier process has kept them."""
+    variables = sorted(f"{name}={value}" for name, value in os.environ.items() if "JAX" in name or "XLA" in name)
+    name = store.key("settings", _versions(), *variables)
+    kept = store.fetch(name)
+    if kept is not None:
+        return kept.decode()
+    load("jax")
+    found = _settings()
+    store.keep(name, found.encode())
+    return found

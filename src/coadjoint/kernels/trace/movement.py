@@ -10,7 +10,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from jax import lax
 
 from coadjoint.arrays import PyTree
 from coadjoint.kernels.trace.interpreter import Array, Rule, symbolic
@@ -107,7 +106,7 @@ def _windows(
 
 def _gather(p: EquationParameters, operand: Array, indices: Array) -> Array:
     d, sizes = p.fields("dimension_numbers"), list(p["slice_sizes"])
-    clip = p["mode"] == lax.GatherScatterMode.CLIP
+    clip = p.choice("mode") == "CLIP"
     batching = (d.operand_batching_dims, d.start_indices_batching_dims)
     if (axis := _taken_along(d, operand.shape, indices, sizes)) is not None:
         lead = indices.shape[:-1]
@@ -154,7 +153,7 @@ def _scatter(name: str, combine: Callable[[PyTree, PyTree], PyTree]) -> Rule:
         kept = iter(updates.shape[axis] for axis in window)
         sizes = [1 if axis in gone else next(kept) for axis in range(operand.ndim)]
         batching = (d.operand_batching_dims, d.scatter_indices_batching_dims)
-        clip = p["mode"] == lax.GatherScatterMode.CLIP
+        clip = p.choice("mode") == "CLIP"
         into = d.scatter_dims_to_operand_dims
         numbers, inside = _windows(name, operand.shape, indices, sizes, into, batching, clip)
         lead = [axis for axis in range(updates.ndim) if axis not in window]

@@ -8,9 +8,7 @@ from functools import cache, reduce
 from typing import Any
 
 import numpy as np
-from jax import lax
 
-from coadjoint.arrays import PyTree
 from coadjoint.kernels.expressions.operations import BINARY, UNARY, special
 from coadjoint.kernels.trace.interpreter import Array, Rule
 from coadjoint.kernels.trace.jaxprs import EquationParameters
@@ -33,9 +31,9 @@ def _select(p: EquationParameters, which: Array, *cases: Array) -> Array:
     return np.where(which, cases[1], cases[0]) if which.dtype == bool else np.choose(which, cases)
 
 
-def round_name(parameters: PyTree) -> str:
+def round_name(parameters: EquationParameters) -> str:
     """The name of the rounding that a `round` equation specifies."""
-    even = parameters["rounding_method"] == lax.RoundingMethod.TO_NEAREST_EVEN
+    even = parameters.choice("rounding_method") == "TO_NEAREST_EVEN"
     return "round_even" if even else "round_away"
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import ShapedArray
+from jax import core as jax_core
 from jax.extend import core
 from jax.interpreters import ad, batching, mlir
 
@@ -22,7 +23,7 @@ def host_call(function: Callable[[np.ndarray], np.ndarray], numbers: Array, size
     result is passed as pairs of 32-bit words: JAX calls on threads of its own, where the float64 scope of the caller
     does not apply and float64 numbers would be rounded to float32.
     """
-    return jax.lax.bitcast_convert_type(_host_call.bind(numbers, function=function, size=size), np.float64)
+    return jax.lax.bitcast_convert_type(_host_call().bind(numbers, function=function, size=size), np.float64)
 
 
 def _words(numbers: Any, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -30,7 +31,7 @@ def _words(numbers: Any, function: Callable[[np.ndarray], np.ndarray]) -> np.nda
 
 
 def _batched(operands: Sequence[Array], axes: Sequence[int], **parameters: Any) -> tuple[Array, int]:
-    return jax.lax.map(lambda x: _host_call.bind(x, **parameters), jnp.moveaxis(operands[0], axes[0], 0)), 0
+    return jax.lax.map(lambda x: _host_call().bind(x, **parameters), jnp.moveaxis(operands[0], axes[0], 0)), 0
 
 
 def _lowered(context: Any, numbers: Any, *, function: Callable[[np.ndarray], np.ndarray], size: int) -> Any:
@@ -41,11 +42,14 @@ def _lowered(context: Any, numbers: Any, *, function: Callable[[np.ndarray], np.
     return mlir.emit_python_callback(context, call, None, [numbers], *kinds, **options)[0]
 
 
-_host_call = core.Primitive("host_call")
-_host_call.def_impl(lambda numbers, function, size: jnp.asarray(_words(numbers, function)))
-_host_call.def_abstract_eval(lambda _, function, size: ShapedArray((size, 2), np.dtype(np.uint32)))
-batching.primitive_batchers[_host_call] = _batched
-mlir.register_lowering(_host_call, _lowered, cacheable=False)
+@cache
+def _host_call() -> core.Primitive:
+    made = core.Primitive("host_call")
+    made.def_impl(lambda numbers, function, size: jnp.asarray(_words(numbers, function)))
+    made.def_abstract_eval(lambda _, function, size: jax_core.ShapedArray((size, 2), np.dtype(np.uint32)))
+    batching.primitive_batchers[made] = _batched
+    mlir.register_lowering(made, _lowered, cacheable=False)
+    return made
 
 
 def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Callable[..., list[PyTree]]:
@@ -54,8 +58,18 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
     `pull`(constants, y) is the transpose, `shapes` are those of push. Members of a batch go one after another. Its
     derivative by the constants raises `no_derivative`().
     """
-    primitive = core.Primitive(name)
-    primitive.multiple_results = True
+
+    @cache
+    def primitive() -> core.Primitive:
+        made = core.Primitive(name)
+        made.multiple_results = True
+        made.def_impl(apply)
+        made.def_abstract_eval(lambda *_, shapes, **__: [jax_core.ShapedArray(s.shape, s.dtype) for s in shapes])
+        ad.primitive_jvps[made] = refuse
+        ad.primitive_transposes[made] = transpose
+        batching.primitive_batchers[made] = batch
+        mlir.register_lowering(made, mlir.lower_fun(apply, multiple_results=True))
+        return made
 
     def apply(*operands: object, push: Callable, **_: object) -> Sequence[PyTree]:
         return push(operands[:-1], operands[-1])
@@ -71,7 +85,7 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
 
         def one(members: PyTree) -> tuple[PyTree, ...]:
             members = iter(members)
-            return tuple(primitive.bind(*(x if axis is None else next(members) for x, axis in pairs), **parameters))
+            return tuple(primitive().bind(*(x if axis is None else next(members) for x, axis in pairs), **parameters))
 
         found = jax.lax.map(one, tuple(moving))
         return found, (0,) * len(found)
@@ -79,16 +93,9 @@ def linear_primitive(name: str, no_derivative: Callable[[], Exception]) -> Calla
     def refuse(*_: object, **__: object) -> Any:
         raise no_derivative()
 
-    primitive.def_impl(apply)
-    primitive.def_abstract_eval(lambda *_, shapes, **__: [ShapedArray(s.shape, s.dtype) for s in shapes])
-    ad.primitive_jvps[primitive] = refuse
-    ad.primitive_transposes[primitive] = transpose
-    batching.primitive_batchers[primitive] = batch
-    mlir.register_lowering(primitive, mlir.lower_fun(apply, multiple_results=True))
-
     def bind(
         constants: Sequence[object], x: Array, push: Callable, pull: Callable, shapes: Sequence[object]
     ) -> list[PyTree]:
-        return primitive.bind(*constants, x, push=push, pull=pull, shapes=tuple(shapes))
+        return primitive().bind(*constants, x, push=push, pull=pull, shapes=tuple(shapes))
 
     return bind

@@ -13,7 +13,7 @@ from coadjoint.groups import Power
 from coadjoint.groups.matrix_elements import MatrixCoordinates
 from coadjoint.kernels.packing import Layout
 from coadjoint.kernels.run.disk_cache import recalled
-from coadjoint.kernels.trace.evaluate import evaluate, tabulate
+from coadjoint.kernels.trace.evaluate import Mapped, evaluate, tabulate
 from coadjoint.mechanics.internal_state import HELD
 from coadjoint.mechanics.state import Places, State
 from coadjoint.methods.program import Constants
@@ -80,8 +80,8 @@ def acting(places: Places, g: object, n: np.ndarray) -> np.ndarray:
 def _acting(places: Places, rows: int) -> Any:
     """(g, n) ↦ g·n on rows, traced once."""
     group, Q, _ = places
-    g = jax.tree.map(lambda leaf: np.zeros((rows, *leaf.shape)), jax.eval_shape(group.identity))
-    return tabulate(jax.vmap(lambda g, n: Q.act(group, g, n)), g, np.zeros((rows, Q.ambient(group))))
+    g = jax.tree.map(lambda leaf: np.zeros((rows, *leaf.shape)), evaluate(group.identity))
+    return tabulate(Mapped(lambda g, n: Q.act(group, g, n)), g, np.zeros((rows, Q.ambient(group))))
 
 
 def course_of(layout: Layout, rule: object) -> InternalPlaces:
@@ -113,7 +113,7 @@ MOST = 4096
 def _bilinear(layout: Layout, places: Places) -> Bilinear | None:
     """g·n by its values at all pairs of basis vectors, compared with that of a random element."""
     group, Q, _ = places
-    at, leaves = layout.places, jax.tree.leaves(jax.eval_shape(group.identity))
+    at, leaves = layout.places, jax.tree.leaves(evaluate(group.identity))
     g, n = (_flat(np.concatenate([np.ravel(x) for x in jax.tree.leaves(part)])) for part in (at.g, at.n))
     if (len(g) + 1) * (len(n) + 1) > MOST:
         return None

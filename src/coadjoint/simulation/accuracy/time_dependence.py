@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from coadjoint.arrays import PyTree
-from coadjoint.kernels.trace.evaluate import tabulate
+from coadjoint.kernels.trace.evaluate import Mapped, tabulate
 from coadjoint.mechanics.signals import Held, Linear
 from coadjoint.simulation.accuracy.ruler import Doubling
 from coadjoint.simulation.result import Result
@@ -95,7 +95,7 @@ def _table(system: Any, structure: PyTree, shapes: PyTree) -> PyTree:
 
         return jax.vmap(one)(times)
 
-    return tabulate(jax.vmap(at), *given)
+    return tabulate(Mapped(at), *given)
 
 
 HIGH = 0.5

@@ -21,13 +21,6 @@ from coadjoint_vehicles.model.controller_mistakes import called
 from coadjoint_vehicles.model.inputs_read import Read, require_read
 from coadjoint_vehicles.model.vehicle import Vehicle
 
-_NOT_TRACEABLE = (
-    jax.errors.ConcretizationTypeError,
-    jax.errors.TracerArrayConversionError,
-    jax.errors.TracerBoolConversionError,
-    jax.errors.TracerIntegerConversionError,
-)
-
 _TOLD: set[tuple[str, int]] = set()
 
 
@@ -60,7 +53,7 @@ class FunctionController(Controller):
         arguments = (feedback, own) if self.remembers is None else (feedback, memory, own)
         try:
             found, read = self.function(*arguments), feedback.inputs
-        except _NOT_TRACEABLE:
+        except _needs_numbers():
             _tell(self.function)
             found, read = _from_outside(self.function, arguments, called(self))
         require_read(self.function, read, [part.name for part in vehicle.commanded], called(self))
@@ -197,3 +190,13 @@ def _numbers(found: object) -> PyTree:
         parts = found.asdict() if isinstance(found, Named) else found
         return {str(name): _numbers(part) for name, part in parts.items()}
     return np.asarray(found, dtype=np.float64)
+
+
+def _needs_numbers() -> tuple[type[Exception], ...]:
+    """The errors of JAX for a function that needs numbers."""
+    return (
+        jax.errors.ConcretizationTypeError,
+        jax.errors.TracerArrayConversionError,
+        jax.errors.TracerBoolConversionError,
+        jax.errors.TracerIntegerConversionError,
+    )
