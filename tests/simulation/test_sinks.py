@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.simulation.accuracy import sample
 from coadjoint.simulation.accuracy.sample import KINDS, Sampler
 from coadjoint.simulation.driver import Driver
 from coadjoint.simulation.event_driver import EventDriver
@@ -48,13 +49,19 @@ class Row(NamedTuple):
     pi: np.ndarray
 
 
+@pytest.mark.parametrize("room", [3000, 1 << 18])
 @pytest.mark.parametrize("members", [None, np.array([0, 2])])
-def test_the_sample_follows_the_largest_changes_and_momenta_whatever_the_chunks(members):
+def test_the_sample_follows_the_largest_changes_and_momenta_whatever_the_chunks(monkeypatch, members, room):
+    monkeypatch.setattr(sample, "ROOM", room)
     count, axes = 5000, () if members is None else (3,)
     random = np.random.default_rng(3)
     fields = [random.normal(size=(count, *axes, size)) for size in (3, 0, 9, 3)]
     fields[0][count // 2] = np.nan
-    fields[0][2059:] += 50.0  # between two chunks
+    fields[2][2059:] += 50.0  # between two chunks
+    fields[3][3059 if members is None else 2559 :] += 80.0  # between two blocks of a chunk
+    for number, place in ((2, 2200), (0, 4000)):  # as large in two places
+        fields[0][place - 1 : place + 2] = 0.0
+        fields[0][place, ..., number] = 90.0
     records = Row(np.zeros((count, *axes)), *fields)
     kept = SimpleNamespace(sampled=None, last=None)
     sampler = Sampler(kept, count, 1, members)  # type: ignore[arg-type]
