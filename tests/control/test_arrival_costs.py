@@ -57,6 +57,14 @@ def test_a_cost_given_by_its_hessian_has_it_without_its_negative_curvature():
     require_finite(np.ones(2), np.zeros((0, 3)))
 
 
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_cost_by_a_hessian_that_is_not_finite_is_refused(place):
+    given = [np.eye(2), np.zeros(2)]
+    given[place][1] = np.nan
+    with pytest.raises(OptimumError, match="is not finite about the estimate"):
+        Quadratic.of_hessian(*given)
+
+
 def test_a_cost_by_directions_is_that_of_the_motion_along_them():
     random = np.random.default_rng(8)
     T, J, g = random.normal(size=(3, 2)), random.normal(size=(5, 4)), random.normal(size=4)

@@ -11,6 +11,7 @@ import pytest
 from coadjoint.errors import ArgumentError
 from coadjoint.estimation import filtered, saved_filter
 from coadjoint.estimation.filtered import Filtered
+from coadjoint.estimation.process import arguments_of
 from coadjoint.estimation.saved_filter import SavedFilter
 from coadjoint.groups import SE3, SO3
 from coadjoint.identification import channels
@@ -110,3 +111,18 @@ def test_segments_after_gaps_begin_with_logged_actuators_and_knots_move_their_pa
     expected = np.zeros((4, 3))
     expected[1, 2] = expected[0, 1] = 1.0
     np.testing.assert_array_equal(Shooting._directions(made, knots), expected)
+
+
+@pytest.mark.parametrize(
+    ("function", "number"),
+    [
+        (lambda: 0, 0),
+        (lambda x, t: 0, 2),
+        (lambda x, t=0, *, p: 0, 1),
+        (lambda x, *more: 0, None),
+        (lambda *more, **known: 0, None),
+        (dict, 1),
+    ],
+)
+def test_a_function_takes_its_arguments_without_defaults_or_any_number(function, number):
+    assert arguments_of(function) == number

@@ -12,7 +12,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.identification import Log, identify
 from coadjoint.identification.diagnostics import gaps, missed
-from coadjoint.identification.log_checks import implausible
+from coadjoint.identification.log_checks import implausible, wild
 from coadjoint.identification.sampling import samples, steps_between
 
 T = np.arange(5.0)
@@ -180,3 +180,16 @@ def test_a_pitch_beyond_half_a_turn_in_more_than_a_hundredth_of_samples_is_in_de
 def test_a_depth_of_more_than_3_m_above_the_surface_is_a_height(depth, told):
     said = implausible(np.arange(3.0), {"depth": np.array([depth, depth, 50.0])}, {"depth": "m"})
     assert any("above the surface" in one for one in said) == told
+
+
+@pytest.mark.parametrize("unit", ["m", "W"])
+def test_a_value_is_wild_by_its_neighbours_and_where_the_unit_is_known_beyond_its_floor(unit):
+    """The quantity is 1e-3 sin(t/3): a value of 0.5 is 500 times as far, and half a metre is not ten."""
+    time = np.arange(60.0)
+    values = 1e-3 * np.sin(time / 3)
+    values[40] = 0.5
+    found = wild(time, {"x": values}, {"x": unit})
+    assert [list(one.rows) for one in found] == ([[40]] if unit == "W" else [])
+    values[40] = 20.0
+    (one,) = wild(time, {"x": values}, {"x": unit})
+    assert list(one.rows) == [40] and "in row 41, at 40 s" in one.sentence

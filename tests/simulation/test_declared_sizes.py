@@ -96,6 +96,19 @@ def test_a_file_of_a_run_is_plain_and_needs_no_child(tmp_path):
     assert sealed.plain(SavedRun(made).save(tmp_path / "run.nc"))
 
 
+def test_an_empty_file_can_be_sealed_and_a_shorter_one_than_a_seal_has_none(tmp_path):
+    file = tmp_path / "a"
+    file.write_bytes(b"")
+    assert sealed.sealed(file) is None
+    sealed.seal(file)
+    assert sealed.sealed(file) is True
+    content = file.read_bytes()
+    file.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    assert sealed.sealed(file) is False
+    file.write_bytes(content[1:])
+    assert sealed.sealed(file) is None
+
+
 def child(tmp_path: Path, monkeypatch, instead: str) -> Path:
     """A file of others, whose child does something else in place of reading it."""
     text = Path(sealed.__file__).read_text(encoding="utf-8")
