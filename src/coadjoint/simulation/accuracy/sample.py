@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import jax
@@ -39,9 +39,6 @@ BLOCK = 4096
 
 ROOM = 1 << 18
 """The numbers of the records that are compared together, some megabytes."""
-
-LONG = 256
-"""Columns are compared one by one if each has more than this many times as many rows as there are columns."""
 
 
 PARTS = 64
@@ -125,19 +122,20 @@ class Sampler:
     def _extreme(self, steps: np.ndarray, parts: list[dict[str, np.ndarray]]) -> set[int]:
         """The records with the largest changes and momenta, if larger than any earlier; −1 is the last one before."""
         found: dict[str, Largest] = {}
-        held, first = self._before, 0
-        last = {} if held is None else {field: self._values(held.records, field)[-1:] for field in CHANGING}
-        for part in parts:
-            for field, values in part.items():
-                if field in last:
-                    _widen(found, field, _change, np.concatenate([last[field], values[:1]]), first - 1)
-                together = max(ROOM // max(values[0].size, 1), 1)
-                for start in range(0, len(values), together):
-                    _widen(found, field, _change, values[start : start + together + 1], first + start)
-                    if field in MOMENTA:
-                        _widen(found, f"largest {field}", _length, values[start : start + together], first + start)
-            last = {field: values[-1:] for field, values in part.items()}
-            first += len(part[CHANGING[0]])
+        held = self._before
+        last = None if held is None else np.concatenate([self._values(held.records, f)[-1].ravel() for f in CHANGING])
+        shapes = {field: values.shape[1:] for field, values in parts[0].items()}
+        ends = np.cumsum([0, *(math.prod(shape) for shape in shapes.values())])
+        together = min(len(steps), max(ROOM // max(int(ends[-1]), 1), 1))
+        room = np.empty((ends[-1], together))
+        for first, seen, columns in _blocks(parts, last, together):
+            change = room[:, : columns.shape[1] - 1]
+            np.abs(np.subtract(columns[:, 1:], columns[:, :-1], out=change), out=change)
+            for field, start, end in zip(CHANGING, ends, ends[1:], strict=False):
+                _widen(found, field, change[start:end], first)
+                if field in MOMENTA:
+                    lengths = _lengths(columns[start:end, seen:], shapes[field])
+                    _widen(found, f"largest {field}", lengths, first + seen)
         index = set()
         for kind, (size, place) in found.items():
             if kind not in self._largest or size > self._largest[kind].size:
@@ -222,44 +220,48 @@ class Sampler:
         """Nothing."""
 
 
-def _change(rows: np.ndarray) -> list[np.ndarray]:
-    """The changes of numbers (k, …) from each row to the next."""
-    return [x[1:] - x[:-1] for x in _apart(rows.reshape(len(rows), -1))]
+def _blocks(
+    parts: list[dict[str, np.ndarray]], last: np.ndarray | None, together: int
+) -> Iterator[tuple[int, int, np.ndarray]]:
+    """The fields of all records, `together` records at a time, a row a number: NumPy is slow along an axis of three.
+
+    A block (numbers, k) begins with the last record of the one before, if any: the index of its first record, how many
+    of its records were in an earlier one, and its numbers, until the next one. last: those of the record of index −1.
+    """
+    index, room = 0, np.empty((sum(math.prod(values.shape[1:]) for values in parts[0].values()), together + 1))
+    for part in parts:
+        sizes = [math.prod(values.shape[1:]) for values in part.values()]
+        for start in range(0, len(part[CHANGING[0]]), together):
+            fields = [values[start : start + together] for values in part.values()]
+            count, seen = len(fields[0]), int(last is not None)
+            columns = room[:, : seen + count]
+            if last is not None:
+                columns[:, 0] = last
+            for end, size, values in zip(np.cumsum(sizes), sizes, fields, strict=True):
+                columns[end - size : end, seen:] = values.reshape(count, size).T
+            yield index - seen, seen, columns
+            last = columns[:, -1].copy()
+            index += count
 
 
-def _length(rows: np.ndarray) -> list[np.ndarray]:
-    """The norms of vectors (k, …, width)."""
-    if not rows.size:
-        return [np.zeros(len(rows))]
-    width, found = rows.shape[-1], []
-    for x in _apart(rows.reshape(len(rows), -1, width)):
-        if width >= 8:  # in the order of NumPy for numbers in a row
-            found.append(np.sqrt(np.add.reduce(np.ascontiguousarray(x * x), axis=-1)))
-        else:
-            found.append(np.sqrt(sum(x[..., i] * x[..., i] for i in range(width))))
-    return found
+def _lengths(columns: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """The norms (…, k) of k vectors along the last axis of `shape`, of which `columns` has a row a number."""
+    squares = (columns * columns).reshape(*shape, columns.shape[-1])
+    if shape[-1] >= 8:  # in the order of NumPy for numbers in a row
+        return np.sqrt(np.add.reduce(np.ascontiguousarray(np.swapaxes(squares, -1, -2)), axis=-1))
+    return np.sqrt(np.add.reduce(squares, axis=-2))
 
 
-def _apart(rows: np.ndarray) -> Iterable[np.ndarray]:
-    """Rows (k, n, …) as one array, or as the n columns of many rows of few: NumPy is slow along an axis of three."""
-    return np.moveaxis(rows, 1, 0) if len(rows) > LONG * rows.shape[1] else [rows]
-
-
-def _widen(
-    found: dict[str, Largest], kind: str, sizes_of: Callable[[np.ndarray], list[np.ndarray]], rows: np.ndarray, at: int
-) -> None:
-    """Enter the largest |size| of rows, of which the first is the record `at`, if larger than the one found."""
-    sizes = sizes_of(rows)
-    if not len(sizes) or not sizes[0].size:
+def _widen(found: dict[str, Largest], kind: str, sizes: np.ndarray, first: int) -> None:
+    """Enter the largest of sizes (…, k) of records from the index `first` on, if larger than the one found."""
+    if not sizes.size:
         return
-    largest = [abs(max(float(x.max()), -float(x.min()))) for x in sizes]
-    if not math.isfinite(sum(largest)):
-        sizes = [np.nan_to_num(x) for x in sizes]
-        largest = [float(np.abs(x).max()) for x in sizes]
-    most = max(largest)
-    if kind not in found or most > found[kind].size:
-        those = [np.abs(x).reshape(len(x), -1) for x, size in zip(sizes, largest, strict=True) if size == most]
-        found[kind] = Largest(most, at + min(int(x.max(axis=1).argmax()) for x in those))
+    most = np.maximum.reduce(sizes.reshape(-1, sizes.shape[-1]), axis=0)
+    if not math.isfinite(most[place := int(most.argmax())]):
+        most = np.nan_to_num(sizes).reshape(-1, sizes.shape[-1]).max(axis=0)
+        place = int(most.argmax())
+    if kind not in found or most[place] > found[kind].size:
+        found[kind] = Largest(float(most[place]), first + place)
 
 
 SHARE = 0.05
