@@ -62,7 +62,10 @@ def numeric(value: object) -> bool:
 
 def is_short(dtype: Any) -> bool:
     """Whether this is a type of floats with fewer digits than float64: float32, float16, bfloat16 and the like."""
-    found = np.dtype(dtype)
+    try:
+        found = np.dtype(dtype)
+    except TypeError:  # a type of JAX alone, as that of keys of random numbers
+        return False
     if found.kind != "V":
         return found.kind == "f" and found.itemsize < 8
     from jax import numpy as jnp

@@ -85,7 +85,7 @@ def no_tracing(monkeypatch):
         for module, name in (
             (built, "transcribe"),
             (built, "solver_of"),
-            (evaluate, "jaxpr_of"),
+            (evaluate, "program_of"),
             (transcribe, "traced"),
         ):
             monkeypatch.setattr(module, name, refuse)

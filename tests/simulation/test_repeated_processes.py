@@ -14,12 +14,16 @@ from coadjoint.simulation.accuracy import ruler
 from coadjoint.spaces import space
 
 
+def name_of(function):
+    return function.__name__ if hasattr(function, "__name__") else name_of(function.function)
+
+
 @pytest.fixture(autouse=True)
 def traced(tmp_path, monkeypatch):
     """The names of functions that are traced."""
     monkeypatch.setenv("COADJOINT_CACHE", str(tmp_path / "cache"))
-    names, jaxpr_of, require_scalar = [], tracing.jaxpr_of, start.require_scalar
-    monkeypatch.setattr(tracing, "jaxpr_of", lambda f, *args: (names.append(f.__name__), jaxpr_of(f, *args))[1])
+    names, program_of, require_scalar = [], tracing.program_of, start.require_scalar
+    monkeypatch.setattr(tracing, "program_of", lambda f, args: (names.append(name_of(f)), program_of(f, args))[1])
     monkeypatch.setattr(start, "require_scalar", lambda *args: (names.append("energy"), require_scalar(*args))[1])
     return names
 
