@@ -99,5 +99,8 @@ def test_dask_is_left_out_only_where_no_file_of_python_and_no_package_of_others_
     assert [may(run(plain)), may(run(own)), may(run(tmp_path / "no.toml")), may(sweep(plain))] == [0, 1, 1, 1]
     write(tmp_path, TOP_OF_CATALOGUE, "run.toml")
     assert not may(resume(tmp_path)) and may(resume(tmp_path / "none"))
+    assert not may(run(write(tmp_path, f'{TOP_OF_CATALOGUE}  # or factory = "a.py:make"', "comment.toml")))
+    assert may(run(write(tmp_path, 'name = "a#b"\nother = [{factory = "a.py:make"}]', "nested.toml")))
+    assert may(run(write(tmp_path, "no TOML", "damaged.toml")))
     monkeypatch.setattr(command_line, "extensions", lambda: ["somebody.extension"])
     assert may(run(plain))

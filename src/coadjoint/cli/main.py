@@ -27,6 +27,7 @@ from coadjoint.errors import ArgumentError, CoadjointError, StepError, printable
 from coadjoint.extensions import Registry, absent, extensions, import_string
 from coadjoint.interrupts import deferred_interrupts
 from coadjoint.log import phase
+from coadjoint.texts import read_table
 
 USAGE = 2
 
@@ -144,9 +145,11 @@ def _may_use_dask(command: object) -> bool:
     if not core or isinstance(command, Sweep) or any(name.partition(".")[0] != VEHICLES for name in extensions()):
         return True
     named = getattr(command, "file", None) or Path(getattr(command, "folder", "")) / RUN_FILE
-    try:
-        return isinstance(command, (commands.Run, commands.Resume)) and ".py" in named.read_text(errors="replace")
-    except OSError:
+    if not isinstance(command, (commands.Run, commands.Resume)):
+        return False
+    try:  # its comments may name files of Python, which nothing reads
+        return ".py" in str(read_table(named.read_text(errors="replace"), named))
+    except (OSError, CoadjointError):
         return True
 
 
