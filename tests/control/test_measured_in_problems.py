@@ -123,3 +123,9 @@ def test_values_that_do_not_fit_their_space_raise_one_sentence():
         more: Any = {"cost": lambda m: 0.0 * m.xi @ m.xi, "free_start": {"g": math.inf}, "measured": {"y": one}}
         with pytest.raises(co.errors.ArgumentError, match=says):
             Problem(body(), start, dt=H, steps=STEPS, **more).solve()
+
+
+@pytest.mark.parametrize("deviation", [0.0, -1.0, [1.0, 0.0], [np.inf, 1.0]])
+def test_every_deviation_of_a_measurement_is_positive_and_finite(deviation):
+    with pytest.raises(co.errors.ArgumentError, match=r"`deviation` of co\.control\.Measured must be"):
+        Measured(lambda motion: motion.xi, np.zeros((3, 2)), deviation)

@@ -10,11 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from coadjoint.errors import ArgumentError
+from coadjoint.groups import attitude
 from coadjoint.identification import rotations
 from coadjoint.identification.figures import autocorrelation_and_histogram, measured_and_simulated
 from coadjoint.identification.log import Log
 from coadjoint.identification.process_noise_estimate import ProcessNoise
 from coadjoint.identification.result import Identification, summary_table
+from coadjoint.identification.smoothing import poses
 from coadjoint.identification.unknowns import Estimate
 
 TIME = np.arange(5.0)
@@ -160,3 +162,16 @@ def test_differences_of_rotations_change_as_their_slopes_say():
     for i, e in enumerate(np.eye(3) * step):
         ends = [rotations.difference(measured, simulated, bias + s * e) for s in (1, -1)]
         np.testing.assert_allclose(by_bias[:, :, i], (ends[0] - ends[1]) / (2 * step), atol=1e-7)
+
+
+@pytest.mark.parametrize("known", [("roll", "pitch", "heading"), ("heading",), ()])
+def test_poses_of_a_log_turn_by_the_angles_that_it_has_and_by_zero_else(known):
+    """At constant angles: R = Rz(heading) Ry(pitch) Rx(roll), ω = 0, and v that of the log."""
+    angles = {"roll": 0.1, "pitch": -0.2, "heading": 0.3}
+    columns = {name: np.full(5, angles[name]) for name in known} | {"u": 1 + TIME, "v": 0 * TIME, "w": -TIME}
+    units = {name: "rad" if name in angles else "m/s" for name in columns}
+    found = poses(Log(TIME, columns, {}, units), np.array([1.0, 2.5]))
+    of = [angles[name] if name in known else 0.0 for name in ("heading", "pitch", "roll")]
+    np.testing.assert_allclose(found[0], np.broadcast_to(attitude.zyx(*of), (2, 3, 3)), atol=1e-12)
+    np.testing.assert_allclose(found[2], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found[3], [[2.0, 0.0, -1.0], [3.5, 0.0, -2.5]], atol=1e-12)
