@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from coadjoint import postponed
+from coadjoint.errors import FileError
 
 FILES = {
     "__init__.py": "import builtins\nbuiltins.slow_runs = getattr(builtins, 'slow_runs', 0) + 1\n"
@@ -65,6 +66,13 @@ def test_a_module_that_does_not_exist_is_missing_at_once(slow):
     with pytest.raises(ModuleNotFoundError):
         importlib.import_module("slow_parts.absent")
     assert slow.slow_runs == 0
+
+
+def test_a_package_that_cannot_be_loaded_is_named_with_the_reason(slow, tmp_path):
+    (tmp_path / "slow_parts" / "__init__.py").write_text("raise ValueError('invalid truth value banana')\n")
+    package = importlib.import_module("slow_parts")
+    with pytest.raises(FileError, match="Package slow_parts cannot be loaded: ValueError: invalid truth value banana;"):
+        _ = package.value
 
 
 def test_calls_wait_for_the_package(slow):

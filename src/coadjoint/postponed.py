@@ -20,6 +20,7 @@ from importlib.util import find_spec
 from types import ModuleType
 
 from coadjoint.arrays import PyTree
+from coadjoint.errors import rephrased
 
 _waiting: dict[str, dict[str, ModuleType]] = {}
 """The modules of each postponed package that have been imported and not run, by their names."""
@@ -86,7 +87,10 @@ class _Postponed(ModuleType):
 
 
 def load(package: str) -> None:
-    """Run the files of all modules of a package that wait; does nothing for one that is loaded."""
+    """Run the files of all modules of a package that wait; does nothing for one that is loaded.
+
+    Raises FileError where they fail, as jax does for an environment variable of its own that it cannot read.
+    """
     with _lock:
         modules = _waiting.pop(package, None)
         if modules is None:
@@ -98,8 +102,9 @@ def load(package: str) -> None:
                 vars(modules[above]).pop(last, None)
             _running[name] = module
         try:
-            for name in [package, *modules]:
-                import_module(name)
+            with rephrased(f"Package {package} cannot be loaded", Exception, then="correct this and start again"):
+                for name in [package, *modules]:
+                    import_module(name)
         finally:
             for name, module in modules.items():
                 del _running[name]
