@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.audit import one_step
+from coadjoint.audit import long_run, one_step, systems
 from coadjoint.audit.figures import BINS, energy_figure, order_figure
 from coadjoint.audit.findings import Audit, Cell, Finding, reasons
 from coadjoint.audit.long_run import INTERVALS, LongRun, drift
@@ -35,6 +35,46 @@ def test_a_step_goes_as_many_steps_back_as_ahead(monkeypatch):
     stepper: Any = SimpleNamespace(begin=lambda h: 0.5, run=run)
     monkeypatch.setattr(one_step, "distance", lambda x, y: abs(x - y))
     assert one_step.irreversibility(stepper, 0.1, 7) == pytest.approx(14 * 0.1**3)
+
+
+def test_the_defect_of_the_two_form_is_the_largest_of_all_pairs(monkeypatch):
+    """|ω after − ω before| over the sizes of the terms of both."""
+    forms = iter([(np.array([1.0, 1.0, 1.0]), np.array([2.0, 3.0, 4.0])), (np.array([1.0, 2.0, 0.5]), np.ones(3))])
+    monkeypatch.setattr(one_step, "_forms", lambda *given: next(forms))
+    monkeypatch.setattr(one_step, "_curves", lambda system, state, count: [state] * count)
+    for name in ("_rows", "_stack"):
+        monkeypatch.setattr(one_step, name, lambda rows: [rows])
+    made = SimpleNamespace(final=SimpleNamespace())
+    stepper: Any = SimpleNamespace(system=None, begin=lambda h: None, run=lambda *given: made)
+    assert one_step.symplectic_defect(stepper, 0.1) == pytest.approx(0.25)
+
+
+def test_curves_through_a_state_carry_its_advected_parameter_along():
+    system, start = systems.heavy_top()
+    along = one_step._curves(system, start, 2)
+    assert along.g.shape == (2, 8, 3, 3) and np.ptp(along.g, axis=1).min() > 0
+    np.testing.assert_allclose(along.a, along.g[:, :, 2], atol=1e-14)
+
+
+def test_errors_of_energy_are_relative_to_its_largest_terms(monkeypatch):
+    """|E − E₀| / (|E₀| + max |μ·ξ| + |π·ν|)."""
+    energy = np.array([-2.0, -2.5, -1.0])
+    monkeypatch.setattr(long_run, "evaluate", lambda *given: energy)
+    monkeypatch.setattr(long_run, "_energy", lambda *given: lambda record: record)
+    monkeypatch.setattr(long_run, "_momentum_error", lambda *given: 0.1)
+    monkeypatch.setattr(long_run, "_gap", lambda *given: 0.2)
+    monkeypatch.setattr(long_run, "drift", lambda error: error.sum())
+    mu, pi = np.array([[1.0, 2.0], [3.0, -1.0], [0.0, 0.0]]), np.array([[1.0], [0.5], [1.0]])
+    records = SimpleNamespace(mu=mu, xi=np.ones((3, 2)), pi=pi, nu=-np.ones((3, 1)), t=np.arange(3))
+    asked: list[Any] = []
+    stepper: Any = SimpleNamespace(
+        begin=lambda h: h, run=lambda *given: asked.append(given) or SimpleNamespace(records=records), system=None,
+        start=None, method=SimpleNamespace(holds=lambda records: np.array([True, True, False])),
+    )  # fmt: skip
+    found = long_run.long_run(stepper, 0.1, 70, False)
+    np.testing.assert_allclose(found.energy_error, [0.0, 0.5 / 6, 0.0])
+    assert found.band == pytest.approx(0.5 / 6) and found[3:] == (pytest.approx(0.5 / 6), 0.1, 0.2)
+    assert asked == [(0.1, 0.1, 3, 20)]
 
 
 def order(measured: float, claimed: int = 2, failure: str = "") -> Finding:
@@ -175,6 +215,14 @@ def test_the_page_has_the_verdict_the_tables_and_the_figures(tmp_path):
 
 
 # Systems as methods need them.
+
+
+def test_the_body_in_fluid_rights_itself():
+    system, start = systems.body_in_fluid()
+    up, rest = start.g @ start.a, [np.zeros(3)] * 3
+    upright, capsized = (float(system.lagrangian(*rest, a, system.parameters)) for a in (up, -up))
+    np.testing.assert_allclose(up, [0, 0, 1], atol=1e-15)
+    assert upright == -capsized == pytest.approx(0.6)
 
 
 def test_a_system_is_given_the_hamiltonian_and_the_left_rectangle_of_its_lagrangian():

@@ -178,6 +178,8 @@ def test_the_body_of_a_view_is_a_box_an_ellipsoid_or_a_mesh(tmp_path):
     assert viewing.View((tmp_path,))._hull() is None
     box, round_one = (viewing.View((tmp_path,), size=(2.0, 1.0, 0.5), round=r)._hull() for r in (False, True))
     assert box["size"] == [2.0, 1.0, 0.5] and round_one["axes"] == [1.0, 0.5, 0.25]
+    with pytest.raises(FileError, match=r"gone\.stl"):
+        viewing.View((tmp_path,), mesh=tmp_path / "gone.stl")._hull()
     with pytest.raises(ArgumentError, match="either by a mesh or by `--size`"):
         viewing.View((tmp_path,), size=(1.0, 1.0, 1.0), mesh=tmp_path / "a.stl")._hull()
     with pytest.raises(ArgumentError, match="Which run"):

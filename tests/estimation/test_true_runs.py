@@ -24,6 +24,7 @@ def system(mass: float = 1.0, push: float = 0.0):
     )
 
 
+@cache
 def simulated(mass: float = 1.0, push: float = 0.0, **given: Any) -> Any:
     one = system(mass, push)
     start = one.state(q=[0.5], qdot=[1.0])
@@ -132,7 +133,6 @@ def other():
     return co.simulate(one, one.state(xi=[0.1, 0.0, 0.0]), dt=H, duration=2.0)
 
 
-@pytest.mark.cases(3)
 @pytest.mark.parametrize("case", WRONG)
 def test_a_truth_that_is_none_is_told(case):
     call, sentence = WRONG[case]

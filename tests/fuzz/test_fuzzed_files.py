@@ -84,7 +84,7 @@ DEEP = {
     "lists": "x = " + "[" * 20_000 + "]" * 20_000,
     "lists that are not closed": "x = " + "[" * 20_000,
     "tables": "x = " + "{a=" * 5_000 + "1" + "}" * 5_000,
-    "a key": ".".join(["a"] * 100_000) + " = 1",
+    "a key": "b.c = 1\n" + ".".join(["a"] * 100_000) + " = 1",
     "a section": "[" + ".".join(["a"] * 100_000) + "]",
     "lists within bounds of Python": "x = " + "[" * 200 + "]" * 200,
 }

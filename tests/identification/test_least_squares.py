@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from coadjoint.identification.least_squares import Estimates, least_squares, reduced, stationary, step
 
@@ -88,3 +89,20 @@ def test_a_start_without_samples_moves_by_what_other_segments_know_of_it():
         _, far, _ = step(J, r, 1, damping)
         np.testing.assert_allclose(own[0], far[0], rtol=0.5)
         assert np.abs(far[1, 0]) > 1e5 and np.abs(own[1, 0]) < min(200, 1e-2 / max(damping, 1e-9))
+
+
+class Bent:
+    """r = (10, δ, φ₁, 100 (φ₂ + φ₂²/50)): φ₁ is at its optimum from the start, φ₂ after three steps."""
+
+    def residual(self, place: Estimates):
+        bent = 100 * (place.shared[1] + 0.02 * place.shared[1] ** 2)
+        return np.array([[10.0, place.own[0, 0], place.shared[0], bent]]), None
+
+    def jacobian(self, place: Estimates, way: None):
+        return np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 100 * (1 + 0.04 * place.shared[1])]]])
+
+
+def test_a_search_goes_on_until_every_number_has_settled():
+    found = least_squares(Bent(), Estimates(np.array([0.0, 0.1]), np.zeros((1, 1))))
+    assert found is not None and found.converged
+    assert abs(100 * found.place.shared[1]) < 1e-5 and found.squares == pytest.approx(100.0, abs=1e-9)

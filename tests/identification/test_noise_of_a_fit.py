@@ -100,3 +100,11 @@ def test_an_innovation_correlates_with_what_moves_and_with_nothing_that_rests_or
         assert _correlated("v", w, where, feature(given))[1] == 0.0
     gaps = np.where(np.arange(count)[:, None] % 2 == 0, values, np.nan)
     assert _correlated("v", w, there, feature(gaps))[1] > 0.4 * count
+    slow, other = np.cumsum(random.normal(size=(2, count)), axis=1) / np.arange(9, 9 + count)
+    for one, both in ((w, values[:, 0]), (slow, other), (1.0 * there + w * (-1.0) ** np.arange(count), other)):
+        a, b = one - one.mean(), both - both.mean()
+        follows = np.clip(a[1:] @ a[:-1] / (a @ a), 0.0, 0.95)
+        a, b = a[1:] - follows * a[:-1], b[1:] - follows * b[:-1]
+        found, total = _correlated("v", one, there, feature(both[:, None]))
+        assert found.correlation == pytest.approx(a @ b / np.sqrt(a @ a * (b @ b)), rel=1e-9)
+        assert total == pytest.approx(count * found.correlation**2)

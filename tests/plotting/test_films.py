@@ -15,8 +15,10 @@ from PIL import Image
 
 from coadjoint.errors import ArgumentError, FileError
 from coadjoint.plotting import plots
+from coadjoint.plotting.entries import entries
 from coadjoint.plotting.film import Film
 from coadjoint.plotting.plots import Plots, available, figure_names
+from coadjoint.plotting.stage import stage
 from coadjoint.plotting.style import COLOURS
 
 TIME = np.linspace(0.0, 2.0, 21)
@@ -40,7 +42,35 @@ def turning() -> np.ndarray:
 KINDS = [{"q": spiral(3)}, {"x": spiral(2)}, {"R": turning(), "mu": spiral(1)}, {"mu": spiral(4)}]
 
 
-@pytest.mark.cases(2)
+@pytest.mark.parametrize("variables", KINDS)
+def test_up_to_a_time_a_curve_is_bright_with_a_dot_at_its_end_and_a_spoke_if_it_turns(variables: Any) -> None:
+    runs = entries([dataset(**variables)] * 2, ["one", "two"])
+    _, traces = stage(runs)
+    turned, place = "R" in variables, next((name for name in ("q", "x") if name in variables), "")
+    shown = (
+        [variables[place]] if place else list(np.moveaxis(variables.get("R", np.zeros((21, 3, 0))), 2, 0))[: 3 * turned]
+    )
+    columns = 2 * next(iter(variables.values())).shape[-1] if not turned else 2
+    assert len(traces) == 2 * len(shown) + columns
+    for trace in traces:
+        trace.axes.draw_artist = lambda line: None
+        trace.draw(0.95)
+    for path, trace in zip([*shown, *shown], traces, strict=False):
+        bright, dot = (getattr(line, "_verts3d", line.get_data()) for line in (trace.path, trace.dot))
+        np.testing.assert_allclose(np.stack(bright, axis=1)[-1], path[10])
+        assert len(bright[0]) == 11 and len(dot[0]) == 1 + turned
+        np.testing.assert_allclose(np.stack(dot, axis=1)[-1], path[10])
+        assert not turned or not any(part[0] for part in dot)
+    colours = [trace.path.get_color() for trace in traces]
+    space = list(COLOURS[: len(shown)]) * 2 if turned else list(COLOURS[:2]) * bool(place)
+    assert colours[: 2 * len(shown)] == space
+    assert set(colours[2 * len(shown) :]) == set(COLOURS[:2])
+    assert turned is (traces[0].axes.get_xlim() == (-1.0, 1.0))
+    traces[-1].draw(9.0)
+    assert traces[-1].path.get_xdata()[-1] == 2.0
+
+
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("variables", KINDS)
 def test_a_gif_of_any_run_has_its_frames_and_moves(variables: Any, tmp_path: Path) -> None:
     path = Plots(dataset(**variables)).animation(path=tmp_path / "made.gif", frames=3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ import xarray as xr
 
 from coadjoint.errors import ArgumentError
 from coadjoint.report.comparison import _common_times, _gap, _spacing, compare
-from coadjoint.report.numbers import _defaults, _given, shown
+from coadjoint.report.numbers import Sourced, _defaults, _given, shown
+from coadjoint.report.page import Contents, page
 from coadjoint.report.summary import to_json
 
 
@@ -99,3 +101,29 @@ def test_json_has_plain_numbers_and_null_for_what_is_not_finite():
     given = {"a": np.float64(0.5), "b": np.array([1.0, np.nan]), 3: (np.int64(2), np.inf, True, None), "c": object}
     assert to_json({"unit": "µm"}) == '{\n  "unit": "µm"\n}\n'
     assert json.loads(to_json(given)) == {"a": 0.5, "b": [1.0, None], "3": [2, None, True, None], "c": str(object)}
+
+
+def test_a_page_shows_numbers_sources_figures_and_files_and_no_section_that_is_empty():
+    summary = {"steps": 12, "final": {"q": [1.0, 2.5]}, "versions": {"jax": "1"}, "failure": "It <fell>.", "card": "no"}
+    numbers = {"of the body": [Sourced("mass", "2", "kg", "file", ""), Sourced("side", "3", "m", "file", "")]}
+    figure = ("path", "a & b", '<?xml?><svg width="200pt" height="1pt"></svg>')
+    held = Contents(
+        "A & B", "coadjoint run <a>", {}, summary, figures=[figure], numbers=numbers, files=[("a.nc", 12345, "00ff")],
+        settings="x = 1", state="Whole.",
+    )  # fmt: skip
+    text = page(held)
+    assert re.findall("<h2>(.*?)</h2>", text) == ["Certificate", "Figures", "Results", *AFTER]
+    rows = [tuple(re.findall("<td>(.*?)</td>", row)) for row in re.findall("<tr><td>.*?</tr>", text)]
+    assert rows == [
+        ("steps", "12"), ("final.q", "[1, 2.5]"), ("mass", "2", "kg", "file"), ("side", "3", "m", "file"),
+        ("a.nc", "12,345", "00ff"),
+    ]  # fmt: skip
+    assert re.findall('<th scope="col">(.*?)</th>', text)[2:6] == ["number", "value", "unit", "source"]
+    assert "computed by this run, with jax 1." in text and '<p class="warning">It &lt;fell&gt;.</p>' in text
+    assert "max-width:380px" in text and 'aria-label="path: a &amp; b"' in text and "<?xml" not in text
+    assert "<pre>coadjoint run &lt;a&gt;</pre><h3>run.toml</h3><pre>x = 1</pre>" in text and "<p>Whole.</p>" in text
+    bare = page(Contents("A", "run", {}, {}))
+    assert re.findall("<h2>(.*?)</h2>", bare) == ["How to run it again"] and "<table" not in bare and "h3>" not in bare
+
+
+AFTER = ["Where the numbers are from", "How to run it again"]

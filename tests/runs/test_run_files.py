@@ -73,13 +73,21 @@ def test_an_element_of_a_product_is_a_list_of_its_parts(tmp_path):
         ({"name": "energy momentum", "points": 2}, "EnergyMomentum(Cayley(), points=2)"),
         ({"name": "hamiltonian midpoint"}, "HamiltonianMidpoint(Cayley())"),
         ({"name": "LeftRight", "map": "squared cayley"}, "LeftRight(Squared(half=Cayley()))"),
+        (
+            {"name": "composition", "coefficients": [0.25, 0.5, 0.25]},
+            "Composition(Midpoint(Cayley()))",
+        ),
     ],
 )
 def test_methods_are_found_by_their_names(tmp_path, written, title):
     from coadjoint.runs.methods import method
 
     file = read(write(tmp_path, TOP), [f"method.{key}={value}" for key, value in written.items()])
-    assert method(file.method).title == title
+    found = method(file.method)
+    assert found.title == title
+    assert "coefficients" not in written or found.coefficients == (0.25, 0.5, 0.25)
+    with pytest.raises(ArgumentError, match="Composition needs coefficients, such as"):
+        method(read(write(tmp_path, TOP), ["method.name=composition"]).method)
 
 
 @pytest.mark.long

@@ -75,7 +75,7 @@ def test_a_table_wraps_names_and_never_shortens_numbers(width, monkeypatch, caps
     monkeypatch.setenv("COLUMNS", width)
     monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
     numbers = ["-7.392e-05", "1.235e-123", "nan", "41.88", "-1.5e+100", "3", "0.002259"]
-    terminal.table(("result", *"abcdefg"), [("final_euler_angles[pitch] (rad)", *numbers)])
+    terminal.table(("result", *"abcdefg"), [("final_euler_angles[pitch] (rad)", *numbers), ("count", *"1234567")])
     told = capsys.readouterr().out
     assert all(number in told for number in numbers) and "…" not in told
     assert "final_euler_angl" in told

@@ -132,3 +132,5 @@ def test_the_summary_of_a_sweep_is_read_up_to_its_limit(whole, tmp_path):
     manifest.write()
     with pytest.raises(co.errors.FileError, match="larger than the 64 MB"):
         co.sweeps.load_sweep(folder)
+    with pytest.raises(co.errors.FileError, match=r"There is no folder .*gone"):
+        co.sweeps.load_sweep(tmp_path / "gone")

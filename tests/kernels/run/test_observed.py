@@ -63,7 +63,8 @@ def test_every_step_is_observed_and_every_save_every_th_record_is_kept():
 def test_no_more_steps_are_taken_before_they_are_observed_than_the_cache_holds(monkeypatch):
     monkeypatch.setattr(observed, "ROOM", 8 * 6)
     found = observed.run(Counting(9.0), (), {"x": np.float64(0.0)}, H, 3, 5)
-    assert CALLS == [6, 6, 3] and found.steps == 15
+    assert CALLS == [6, 6, 3] and (found.steps, found.iterations, found.iterations_max) == (15, 15, 1)
+    assert found.extrema == {"square": (-4.0, 21.0), "bounded": (0.0, 7.0)}
     np.testing.assert_array_equal(found.monitors["square"], [0.0, -3.75, 5.0])
 
 
