@@ -18,8 +18,8 @@ ELSEWHERE = 1.0
 @dataclass
 class TestFile:
     digest: str
-    default: list[str] = field(default_factory=list)
-    """Its tests that the README's command runs."""
+    default: list[str] | None = None
+    """Its tests that the README's command runs; None if the run that followed it ended before they were known."""
     collection: float = 0.0
     """Processor time that its import takes, s."""
     lines: dict[str, set[int]] = field(default_factory=lambda: defaultdict(set))
@@ -70,7 +70,9 @@ class Known:
 
     def _is_known(self, name: str) -> bool:
         file = self.files.get(name)
-        return file is not None and all(test in self.tests or test in self.failed for test in file.default)
+        if file is None or file.default is None:
+            return False
+        return all(test in self.tests or test in self.failed for test in file.default)
 
     def executing(self, mutant: Mutant, places: Places) -> list[str]:
         """The tests that execute a line of the mutant's statement, the cheapest of its own folder first.
@@ -90,13 +92,13 @@ class Known:
                 older = function.rpartition(":")[0]
                 exact = self._where(lambda name, _: name.rpartition(":")[0] == older)
         shared = {test.split("::")[0] for test in exact}
-        others = [test for name in shared for test in self.files[name].default if test not in exact]
+        others = [test for name in shared for test in self.files[name].default or () if test not in exact]
         return self._ordered(exact, mutant) + self._ordered([t for t in others if t in self.tests], mutant)
 
     def _where(self, holds) -> list[str]:
         """Tests that execute what `holds` by themselves, and all those of files in which it is executed for all."""
         files = {name for name, file in self.files.items() if any(holds(f, lines) for f, lines in file.lines.items())}
-        current = (name for file in self.files.values() for name in file.default)
+        current = (name for file in self.files.values() for name in file.default or ())
         return [
             name
             for name in current

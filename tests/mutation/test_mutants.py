@@ -169,6 +169,16 @@ def test_a_file_of_tests_that_was_changed_is_followed_again(followed):
     assert known.missing == ["tests/test_b.py"] and not any("test_b" in name for name in known.tests)
 
 
+def test_a_file_whose_following_ended_before_its_tests_were_known_is_followed_again(followed):
+    root, record, places = followed
+    entries = [json.loads(line) for line in record.read_text().splitlines()[:-1]]
+    del entries[1]["default"]
+    record.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+    known = Known(record, root, ["clip.py"])
+    assert known.missing == ["tests/test_b.py"]
+    assert {name.split("::")[0] for name in known.executing(at(5), places)} == {"tests/test_a.py"}
+
+
 def test_tests_run_in_groups_until_their_time_is_spent(followed):
     root, record, _ = followed
     known = Known(record, root)
