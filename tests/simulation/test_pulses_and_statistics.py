@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -13,12 +13,12 @@ import zarr
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, FileError
-from coadjoint.manifest import Manifest, checksum, entry
-from coadjoint.simulation import energy_budget
+from coadjoint.manifest import Manifest, checksum, digest, entry
+from coadjoint.simulation import energy_budget, resume
 from coadjoint.simulation.accuracy.time_dependence import PARTS, _table_at, _unseen, bent, unseen_pulses
 from coadjoint.simulation.run import _angles, _rows, statistics
 from coadjoint.simulation.zarr_reader import arrays
-from coadjoint.simulation.zarr_writer import _filled, _read, array_metadata, group_metadata
+from coadjoint.simulation.zarr_writer import Chunks, _filled, _read, array_metadata, group_metadata
 
 H = 1.0
 
@@ -217,3 +217,51 @@ def test_parts_of_stored_arrays_are_those_of_their_numbers_also_for_zarr(tmp_pat
     assert ours[5, 1] == values[5, 1] and ours[6, 4] == values[6, 4]
     with pytest.raises(FileError, match=r"c\.2\.1 of the run is damaged"):
         ours[5:, 2]
+
+
+def test_chunks_hold_the_rows_that_were_placed_and_growing_ones_count_them(tmp_path: Path) -> None:
+    """Five nodes of two members, in chunks of three nodes of one; after two nodes another writer takes over."""
+    declared = {
+        "time": array_metadata((5,), (3,), np.dtype(float), ("time",), {}),
+        "x": array_metadata((2, 5, 2), (1, 3, 2), np.dtype(float), ("member", "time", "axis"), {}),
+    }
+    manifest = Manifest(tmp_path, {"kind": "records"})
+    files = {"zarr.json": group_metadata({"order": list(declared)})}
+    for name, data in (files | {f"{name}/zarr.json": data for name, data in declared.items()}).items():
+        path = tmp_path / "records.zarr" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+        manifest.files[f"records.zarr/{name}"] = entry(data)
+    values = {"time": np.arange(5.0), "x": np.arange(20.0).reshape(5, 2, 2)}
+    first, second = Chunks(manifest), Chunks(manifest)
+    first.open()
+    first.place({name: rows[:2] for name, rows in values.items()}, 2)
+    first.write()
+    for name, rows in (("time/c.0", values["time"][:2]), ("x/c.1.0.0", values["x"][:2, 1])):
+        size = 28 if name == "time/c.0" else 52
+        assert manifest.files[f"records.zarr/{name}"] == [size, digest(rows.tobytes()), 1, rows.nbytes]
+    second.take_up(2)
+    second.place({name: rows[2:] for name, rows in values.items()}, 3)
+    assert second.count == 5 and second.partial and len(manifest.files["records.zarr/x/c.1.0.0"]) == 2
+    second.write(complete=True)
+    assert {len(one) for one in manifest.files.values()} == {2} and not list(manifest.problems())
+    found = arrays(manifest, "records.zarr")
+    np.testing.assert_array_equal(found["time"][:], values["time"])
+    np.testing.assert_array_equal(found["x"][:], values["x"].swapaxes(0, 1))
+
+
+def test_internal_states_on_disk_are_those_of_evenly_spaced_nodes_nodes_first(monkeypatch) -> None:
+    class Jets(NamedTuple):
+        jets: np.ndarray
+
+    monkeypatch.setattr(resume, "NODES", 3)
+    rows = np.arange(36.0).reshape(2, 6, 3)
+    made = xr.Dataset({"internal_jets": (("member", "time", "jet"), rows)})
+    store = SimpleNamespace(last=SimpleNamespace(internal=Jets(rows[:, -1])))
+    for dataset, members, expected in ((made, 2, rows.swapaxes(0, 1)), (made.isel(member=0), None, rows[0])):
+        run: Any = SimpleNamespace(store=store, count=6, dataset=dataset, members=members)
+        (found,) = resume._OnDisk.internal_states(run)
+        np.testing.assert_array_equal(found.jets, expected[::2])
+        assert not hasattr(run, "dataset")  # it is read again with all warnings
+        run.count = 1
+        assert resume._OnDisk.internal_states(run) == []

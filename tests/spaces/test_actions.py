@@ -399,6 +399,13 @@ def test_submanifolds_refuse_what_is_none():
         co.spaces.Submanifold(lambda x: x[0] ** 2 + 2 * x[1] ** 2 + x[2] ** 2 - 1).require_fit(rotations)
     with pytest.raises(GroupError, match="must leave a Submanifold invariant"):
         sphere.require_fit(GROUPS["SL2"])
+
+    class Still(co.Trivial):
+        def require_fit(self, group):
+            raise GroupError(f"{group!r} does not fit.")
+
+    with pytest.raises(GroupError, match=r"SO3\(\) does not fit"):
+        co.spaces.Submanifold(lambda x: x @ x - 1, Still(3)).require_fit(rotations)
     twice = co.spaces.Submanifold(lambda x: jnp.stack([x @ x - 1, 2 * x @ x - 2]))
     with pytest.raises(GroupError, match="constraints of a Submanifold must be independent, but of 2 only 1"):
         twice.point(rotations, [1, 0, 0], "q")

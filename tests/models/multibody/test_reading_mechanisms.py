@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import multibody
-from coadjoint.models.descriptions.links import require_mass
+from coadjoint.models.descriptions.links import require_mass, together
 from coadjoint.models.multibody.placing import Placing
 
 
@@ -83,6 +84,18 @@ def test_links_become_bodies_and_joints_and_mimics_gears(tmp_path):
     assert "dry friction of `shoulder`" in text and "flange, tool: on fixed joints" in text
     assert "'upper-arm' is called `upper_arm`." in text and "1 kg are left out" in text
     assert "Left out: 1 <transmission>, 6 <visual>." in text
+
+
+def test_the_inertia_of_turned_links_is_symmetric_to_the_bit():
+    """I = I₁ + R I₁ Rᵀ + 2 m (|c|²1 − c cᵀ) of two equal links, one of which is turned and 2c away."""
+    R, c = attitude.zyx(0.3, -0.7, 1.1), np.array([0.3, -0.2, 0.5])
+    one = SimpleNamespace(mass=1.0, center=np.zeros(3), inertia=np.diag([0.7, 0.9, 1.1]))
+    poses = [SimpleNamespace(R=turn, place=lambda x, d=d: x + d) for turn, d in ((np.eye(3), 0 * c), (R, 2 * c))]
+    found = together(cast(Any, [(one, pose) for pose in poses]))
+    assert found.mass == 2 and found.center == pytest.approx(c)
+    steiner = 2 * (c @ c * np.eye(3) - np.outer(c, c))
+    assert found.inertia == pytest.approx(one.inertia + R @ one.inertia @ R.T + steiner)
+    np.testing.assert_array_equal(found.inertia, found.inertia.T)
 
 
 def test_fingers_that_mimic_one_another_slide_together(tmp_path):
