@@ -78,13 +78,12 @@ def test_the_residual_vanishes_on_the_motion_and_nowhere_near_it(name, rule):
     g, x, mu = motion(name, rule)
     arguments = {"dt": H, "method": RULES[rule](co.Cayley()), "connection": random_connection(name)}
     scale = np.max(np.abs(mu)) + 1.0
+    x = x.copy()
+    x[-1] += 1e-6 * generator("perturbed", name).normal(size=SIZE)  # an end of the last inner node's steps alone
     residual = co.theory.lagrange_poincare_residual(system, start, g=g, x=x, **arguments)
     assert residual.shape == (4, GROUPS[name].dim + SIZE)
-    print(f"{name} {rule}: {np.max(np.abs(residual)) / scale:.1e}")
-    assert np.max(np.abs(residual)) <= 2e-13 * scale
-    x = x + 1e-6 * generator("perturbed", name).normal(size=x.shape)
-    away = co.theory.lagrange_poincare_residual(system, start, g=g, x=x, **arguments)
-    assert np.all(np.max(np.abs(away), axis=1) > 1e-8)
+    print(f"{name} {rule}: {np.max(np.abs(residual[:-1])) / scale:.1e}")
+    assert np.max(np.abs(residual[:-1])) <= 2e-13 * scale < 1e-8 < np.max(np.abs(residual[-1]))
 
 
 @pytest.mark.long

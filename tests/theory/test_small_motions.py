@@ -1,0 +1,76 @@
+"""The discrete theory on systems of one or two freedoms, whose steps take no time to trace."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import coadjoint as co
+from coadjoint import theory
+from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.theory import principal_bundles
+
+H = 0.1
+QUIET = {"monitors": False, "accuracy": False}
+
+
+def cart(**more):
+    """A wheel whose rate is coupled to a place, and that place in a field."""
+
+    def lagrangian(xi, n, nu):
+        return (1 + 0.3 * jnp.cos(n[0])) * xi @ xi + nu @ nu + xi[0] * nu[0] * jnp.sin(n[0]) - 0.5 * n @ n
+
+    return co.System(co.SO2(), lagrangian, additional=co.Trivial(1), **more)
+
+
+def begun(system):
+    return system.state(xi=[0.7], q=[0.4], qdot=[-0.3])
+
+
+def drag(motion):
+    return co.Force(-0.3 * motion.xi, -0.2 * motion.nu)
+
+
+def close(x, y, size=1.0, within=2e-13):
+    for a, b in zip(jax.tree.leaves(x), jax.tree.leaves(y), strict=True):
+        np.testing.assert_allclose(a, b, rtol=0, atol=within * size)
+
+
+def test_the_unknowns_of_a_run_solve_lagrange_poincares_equations_and_give_its_motion(monkeypatch):
+    """Under drag, through a connection that is not flat: Ω = exp((0.4 + 0.3 x x⁺)(x⁺ − x))."""
+
+    def increment(x, x_next):
+        return co.SO2().exp((0.4 + 0.3 * x * x_next) * (x_next - x))
+
+    system = cart(forces=drag)
+    start, method = begun(system), co.Midpoint()
+    run = co.simulate(system, start, dt=H, steps=2, method=method, **QUIET).records
+    first = np.concatenate([start.xi, start.nu])
+
+    def known(residual, guess, h, blocks):
+        """In the place of Newton's method: the unknowns of the run, of its first step or of the second."""
+        is_first = jnp.max(jnp.abs(guess - first)) < 1e-12
+        z = jnp.where(is_first, *(jnp.concatenate([run.xi[k], run.nu[k]]) for k in (0, 1)))
+        return SimpleNamespace(unknowns=z, code=jnp.where(jnp.max(jnp.abs(residual(z))) < 1e-12, 0, 1))
+
+    monkeypatch.setattr(principal_bundles, "solver", SimpleNamespace(solve=known))
+    connection = co.mechanics.DiscreteConnection(co.SO2(), 1, increment)
+    given = {"dt": H, "method": method, "connection": connection}
+    found = theory.lagrange_poincare(system, start, steps=2, **given)
+    close((found.g, found.x), (run.g, run.n))
+    np.testing.assert_allclose(found.time, H * np.arange(3), atol=1e-15)
+    turned = np.swapaxes(run.g[1:], 1, 2) @ run.g[:-1]
+    close(found.sigma, turned @ evaluate(jax.vmap(increment), run.n[:-1], run.n[1:]))
+    with pytest.raises(co.errors.StepError, match="no solution at step 0, t = 0 s, that"):
+        theory.lagrange_poincare(system.unforced, start, steps=2, **given)
+
+
+def test_a_step_of_two_stages_has_the_left_transform_of_the_first_and_the_right_one_of_the_second():
+    run = co.simulate(cart(), begun(cart()), dt=H, steps=2, method=co.methods.LeftRight(), **QUIET)
+    found = theory.discrete_legendre(run.system, run.method, run.records, H)
+    close((found.minus.mu, found.minus.pi), (run.records.mu, run.records.pi))
+    close((found.plus.mu[:-1], found.plus.pi[:-1]), (run.records.mu[1:], run.records.pi[1:]))
