@@ -146,3 +146,14 @@ def test_a_run_whose_momentum_is_zero_knows_its_energy():
     run = co.simulate(system, there, dt=0.01, steps=100)
     assert run.largest("legendre_residual") < 1e-13
     assert not any("energy is not known" in sentence for sentence in run.warnings)
+
+
+@pytest.mark.parametrize(
+    ("xi", "nu", "mu", "sizes"), [(2.0, 0.5, 0.0, (2, 6)), (0.1, 1.0, 0.0, (3, 10)), (2.0, 0.5, 7.0, (7, 6))]
+)
+def test_a_residual_is_relative_to_the_parts_of_momenta_that_cancel(xi, nu, mu, sizes):
+    """μ = ξ + 3ν and π = 3ξ + 10ν, of which either part alone may be larger than the sum."""
+    system = co.System(co.SO2(), lambda xi, n, nu: 0.5 * xi @ xi + 3 * xi @ nu + 5 * nu @ nu, additional=co.Trivial(1))
+    state = system.state(q=[0.0], xi=[0.0]).replace(mu=np.array([mu]), pi=np.zeros(1))
+    found = evaluate(lambda s: inverse_legendre._Problem(system, s).sizes(jnp.array([xi, nu])), state)
+    assert found == pytest.approx(sizes)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.mechanics import phase_space
 
 GAMMA = np.array([1.0, 2.0])
 RIGID = co.System(
@@ -247,3 +248,15 @@ def test_with_the_same_parameters_a_run_goes_on_as_ever(flight):
     whole = co.simulate(sphere_of(2.0), flight.start, dt=0.1, steps=20, progress=False)
     np.testing.assert_allclose(again.final.q, whole.final.q, rtol=1e-14)
     assert not again.warnings
+
+
+def test_the_motion_that_does_not_enter_is_named_by_its_largest_component_in_any_units():
+    """Along (1, 2, 3) of ω = (·)×, along (0, 1, ⅓, ⅔) of another, and none of a regular one."""
+    cross = np.array([[0.0, -3, 2], [3, 0, -1], [-2, 1, 0]])
+    regular = np.array([[0.0, 1e-6], [-1e-6, 0.0]])
+    assert phase_space._singular(regular[None]) is None
+    assert phase_space._singular(cross[None]) == pytest.approx([0.333, 0.667, 1], abs=0)
+    units = np.array([1e-4, 1.0, 1.0])
+    assert phase_space._singular((cross * units * units[:, None])[None]) == pytest.approx([1, 0, 0], abs=1e-3)
+    both = np.stack([np.kron(np.eye(2), regular), np.zeros((4, 4))])
+    assert phase_space._singular(both) is not None and phase_space._singular(both[:1]) is None

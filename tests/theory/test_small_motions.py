@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +16,7 @@ from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.theory import principal_bundles
 
 H = 0.1
-QUIET = {"monitors": False, "accuracy": False}
+QUIET: dict[str, Any] = {"monitors": False, "accuracy": False}
 
 
 def cart(**more):

@@ -1,10 +1,14 @@
-"""Parameters that change in the midst of runs, and the columns of their derivatives."""
+"""Runs in pieces, parameters that change in the midst of runs, and the columns of their derivatives."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from coadjoint.kernels.run import native
 from coadjoint.kernels.run.batch import PiecewiseParameters, _move, _turn
 
 
@@ -38,3 +42,38 @@ def test_directions_of_parameters_go_from_a_knot_to_the_next():
     assert np.array_equal(directions[3:5], along) and not np.any(directions[1:3]) and not np.any(directions[5:])
     assert _turn(directions, wandering(3), 2) == 7
     assert np.array_equal(directions[5:], along) and not np.any(directions[1:5]) and np.all(directions[0] == 9.0)
+
+
+def counting(kernel, inputs, result, records: int, save_every: int) -> None:
+    """In the place of the machine: lanes count their steps and fail at the step of their parameter, in 3 iterations."""
+    fails, _ = inputs
+    for lane in range(result.state.shape[1]):
+        done, code, iterations, most = result.status[:, lane]
+        for row in range(records):
+            result.records[row, 0, lane] = result.state[0, lane]
+            for _ in range(save_every if code == 0 else 0):
+                if result.state[0, lane] == fails[0, lane]:
+                    code = 2
+                    break
+                result.state[0, lane] += 1
+                done, iterations, most = done + 1, iterations + 3, max(most, result.state[0, lane])
+        result.status[:, lane] = done, code, iterations, most
+
+
+@pytest.mark.parametrize("steps", [1, 3, 5, 7, 12])
+def test_pieces_of_a_run_are_that_run_although_lanes_fail_on_the_way(monkeypatch, steps):
+    def launched(most: int, fails: list[float]) -> native.LaneArrays:
+        pace, record = SimpleNamespace(steps=most), SimpleNamespace(size=1)
+        kernel: Any = SimpleNamespace(pace=pace, record=record, monitor_size=0, certificates=())
+        return native.launch(kernel, np.array([fails]), np.full(3, 0.1), np.zeros((1, 3)), 4, 5)
+
+    took: list[int] = []
+    monkeypatch.setattr(native, "_call", counting)
+    monkeypatch.setattr(native, "Clock", lambda pace: SimpleNamespace(lap=took.append))
+    found, whole = launched(steps, [2.0, 13.0, 99.0]), launched(20, [2.0, 13.0, 99.0])
+    assert found.status.tolist() == whole.status.tolist() == [[2, 13, 20], [2, 2, 0], [6, 39, 60], [2, 13, 20]]
+    assert found.state.tolist() == [[2, 13, 20]] and sum(took) == 20 and max(took) <= steps
+    for lane, rows in enumerate((1, 3, 4)):
+        assert found.records[:rows, 0, lane].tolist() == whole.records[:rows, 0, lane].tolist() == [0, 5, 10, 15][:rows]
+    took.clear()
+    assert launched(steps, [2.0, 1.0, 0.0]).status[0].tolist() == [2, 1, 0] and sum(took) < 3 + steps
