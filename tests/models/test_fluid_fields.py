@@ -32,19 +32,10 @@ def gridded(ran):
 
 
 @pytest.mark.long
-def test_fields_are_those_of_the_wave_by_latitude_and_longitude(ran, tmp_path: Path):
-    """ω = 2α sin φ + 2 Re(a Y_21), ψ = −ω/2 and −ω/6 of the two, energy and enstrophy those of the run."""
+def test_energy_and_enstrophy_of_fields_in_a_file_are_those_of_the_run(ran, tmp_path: Path):
     fluid, run = ran
     fluids.fields(fluid, run, 7, 12).to_netcdf(tmp_path / "wave.nc", engine="h5netcdf")
     with xarray.open_dataset(tmp_path / "wave.nc", engine="h5netcdf", decode_times=False) as data:
-        north, east = np.radians(data.latitude.values)[:, None], np.radians(data.longitude.values)
-        assert data.latitude.values[[0, -1]] == pytest.approx([-90, 90]) and data.longitude.values[3] == pytest.approx(
-            90
-        )
-        wave = -np.sqrt(15 / (8 * np.pi)) * np.sin(north) * np.cos(north) * np.cos(east)  # 2 Re(½ Y_21)
-        spin = 2 * SPIN * np.sin(north) + 0 * east
-        np.testing.assert_allclose(data.vorticity.values[0], spin + wave, atol=1e-14)
-        np.testing.assert_allclose(data.stream_function.values[0], -spin / 2 - wave / 6, atol=1e-14)
         for name in ("energy", "enstrophy"):
             total = data[f"{name}_spectrum"].values.sum(axis=1)
             expected = run.dataset["kinetic_energy" if name == "energy" else name].values
@@ -84,20 +75,33 @@ def test_fields_of_a_member_of_an_ensemble():
             fluids.fields(fluid, run)
 
 
-@pytest.mark.long
-@pytest.mark.cases(1)
 @pytest.mark.parametrize(("model", "units"), [(fluids.magnetohydrodynamics, "s-1"), (fluids.boussinesq, "s-2")])
-def test_fields_hold_what_the_flow_carries(model, units):
+def test_fields_and_what_the_flow_carries_have_their_values_units_and_names(model, units):
+    """At a start; ψ = −ω/2 and −ω/6 of the degrees 1 and 2, on a sphere that rotates."""
     fluid, carried = model(4, rotation=0.7), fluids.rossby_haurwitz(2, 1, 0.5, SPIN)
     start = fluids.carrying_start(fluid, 0.1 * carried, carried)
-    run = co.simulate(fluid, start, dt=0.1, steps=2, method=co.IsospectralMidpoint(), accuracy=False)
-    data = fluids.fields(fluid, run, 7, 12)
+    rows = {"mu": start.mu[None], "a": np.ravel(start.a)[None]}
+    held = xarray.Dataset({name: (("time", "algebra"), row) for name, row in rows.items()}, {"time": [2.5]})
+    data = fluids.fields(fluid, held, 7, 12)
     north, east = np.radians(data.latitude.values)[:, None], np.radians(data.longitude.values)
-    wave = -np.sqrt(15 / (8 * np.pi)) * np.sin(north) * np.cos(north) * np.cos(east)
-    np.testing.assert_allclose(data.carried.values[0], 2 * SPIN * np.sin(north) + wave, atol=1e-14)
-    np.testing.assert_allclose(data.vorticity.values[0], 0.1 * data.carried.values[0], atol=1e-14)
-    assert data.carried.attrs["units"] == units
-    sphere.vorticity_map(data, variable="carried")
+    assert data.latitude.values.tolist() == [-90, -60, -30, 0, 30, 60, 90] and data.longitude.values[3] == 90
+    wave = -np.sqrt(15 / (8 * np.pi)) * np.sin(north) * np.cos(north) * np.cos(east)  # 2 Re(½ Y_21)
+    spin = 2 * SPIN * np.sin(north) + 0 * east
+    np.testing.assert_allclose(data.carried.values[0], spin + wave, atol=1e-14)
+    np.testing.assert_allclose(data.vorticity.values[0], 0.1 * (spin + wave), atol=1e-14)
+    np.testing.assert_allclose(data.stream_function.values[0], -0.1 * (spin / 2 + wave / 6), atol=1e-14)
+    energy, enstrophy = data.energy_spectrum.values[0], data.enstrophy_spectrum.values[0]
+    np.testing.assert_allclose(enstrophy, [0, 0.5 * 0.01 * 16 * np.pi / 3 * SPIN**2, 0.5 * 0.01 * 0.5, 0], atol=1e-15)
+    np.testing.assert_allclose(energy[1:], enstrophy[1:] / [2, 6, 12], atol=1e-15)
+    assert {name: (one.attrs["long_name"], one.attrs["units"]) for name, one in data.data_vars.items()} == {
+        "vorticity": ("relative vorticity", "s-1"),
+        "stream_function": ("stream function of the velocity", "s-1"),
+        "energy_spectrum": ("kinetic energy by degrees", "s-2"),
+        "enstrophy_spectrum": ("enstrophy by degrees", "s-2"),
+        "carried": ("function carried by the flow", units),
+    }
+    assert data.time.values == 2.5 and data.attrs["Conventions"] == "CF-1.11"
+    assert data.attrs["source"] == "Zeitlin's model on U(4)" and data.attrs["title"] == fluid.name
 
 
 @pytest.mark.parametrize("projection", ["mollweide", pytest.param("hammer", marks=pytest.mark.long)])

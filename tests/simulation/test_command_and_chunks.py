@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -12,7 +13,8 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.program import StatusFlag
 from coadjoint.mechanics.inputs import Command, inputs_from
-from coadjoint.simulation import store
+from coadjoint.simulation import execution, store
+from coadjoint.simulation.steppers import engines
 from coadjoint.simulation.steppers.building import commanded
 from coadjoint.simulation.steppers.engines import _told
 from coadjoint.simulation.steppers.interface import Buffers
@@ -67,6 +69,49 @@ def test_a_call_says_what_stopped_what_is_not_finite_and_what_is_beyond_its_limi
 )  # fmt: skip
 def test_a_sample_of_steps_is_due_at_powers_of_two_and_then_at_multiples(before, steps, due):
     assert (status(steps, before=before) == StatusFlag.DUE) == due
+
+
+def numbers_at(address: int, count: int, kind: Any = ctypes.c_double) -> np.ndarray:
+    return np.ctypeslib.as_array((kind * count).from_address(address))
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_members_of_chains_step_one_after_the_other_by_their_own_numbers(threads):
+    """Machine code that adds p·h to x at each step and fails where the command is 9; the second member has stopped."""
+
+    def function(p: int, h: int, s: int, records: int, every: int, record: int, monitors: int, extrema: int, out: int):
+        state, found = numbers_at(s, 2), numbers_at(out, 4, ctypes.c_int64)
+        assert (records, every, monitors, extrema) == (1, 3, 0, 0) and len(numbers_at(record, 5)) == 5
+        done = 1 if state[0] == 9.0 else every
+        state[1] += done * numbers_at(p, 1)[0] * numbers_at(h, 1)[0]
+        found[:] = done, 3 * (done < every), 4 * done, 6 - state[0]
+
+    kernel: Any = SimpleNamespace(record=SimpleNamespace(size=5), function=function)
+    watch: Any = SimpleNamespace(functions=(len,))
+    engine = engines.LinkedEngine(kernel, cast(Any, None), watch, cast(Any, ()), cast(Any, (0,)))
+    engine._observed = lambda p, s: 10 * p + s[:, 1:]
+    numbers = Buffers(
+        parameters=np.array([2.0, 3.0, 2.0, 3.0])[:, None, None], h=np.array([0.1]), state=np.zeros((4, 2, 1)),
+        status=np.zeros((4, 4, 1), np.int64), commands=np.array([[[1.0]], [[1.0]], [[9.0]], [[3.0]]])[..., 0],
+        observations=np.zeros((4, 1)), limits=np.array([[[-9.0]], [[9.0]]]),
+    )  # fmt: skip
+    numbers.status[1, :, 0], numbers.status[3, :, 0] = (5, 2, 9, 4), (1, 0, 2, 7)
+    flags = StatusFlag(engine.advance(numbers, 0, 4, 3, threads))
+    assert numbers.status[..., 0].tolist() == [[3, 0, 12, 5], [5, 2, 9, 4], [1, 3, 4, 0], [4, 0, 14, 7]]
+    assert numbers.state[..., 0].ravel().tolist() == pytest.approx([1, 0.6, 0, 0, 9, 0.2, 3, 0.9])
+    assert flags == StatusFlag.FAILED
+
+
+def test_an_interrupted_run_is_cut_at_its_position_and_says_how_it_goes_on():
+    done: list[Any] = []
+    outputs = SimpleNamespace(cut=lambda steps: done.append(steps))
+    loop: Any = SimpleNamespace(outputs=outputs, undo=lambda at: done.append("undo"), append_last=done.append)
+    position = SimpleNamespace(ended=False, steps=30)
+    run: Any = SimpleNamespace(position=position, plan=SimpleNamespace(steps=100, h=0.25))
+    assert execution._in_memory(run, loop).endswith("error.run.final, dt=0.25, steps=70) goes on")
+    assert done == [30, "undo", position]
+    position.ended = True
+    assert execution._in_memory(run, loop) == "what was computed is in `.run` of this exception" and len(done) == 3
 
 
 def test_a_chunk_holds_no_more_records_than_a_run_has_or_a_flush_takes():

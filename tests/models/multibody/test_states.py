@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import jax
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.models.multibody import Mechanism
+from coadjoint.groups import attitude
+from coadjoint.models.multibody import Body, Joint, Mechanism
 from coadjoint.models.multibody.placing import Placing
 from mechanisms import ARM, MOMENTS, four_bar, gears, pendulum
 
@@ -31,6 +33,26 @@ def test_a_speed_alone_leaves_the_coordinate_free_and_a_coordinate_alone_the_spe
     assert placing(gears(20, 30), {"one": 1.0}).speeds_are_held
     assert placing(gears(20, 30), {"one": 1.0}, {"one": 1.0}).speeds_are_held
     assert not placing(pendulum(), {"hinge": 1.0}, rates={"rod": (0, 3, 0)}).speeds_are_held
+
+
+def test_a_body_before_a_joint_is_placed_from_the_one_behind_it():
+    """By a screw off the origin, then forth again: places, and rates of the fields of velocities."""
+    axis, pose = {"axis": (0.2, -0.5, 0.8), "at": (0.3, 0.1, -0.2)}, (attitude.zyx(0.5, -0.3, 0.9), (0.4, -0.7, 0.2))
+    first, second = (Body(mass=1.0, inertia=np.eye(3), center=c) for c in ((0.1, 0, 0), (0, -0.2, 0.3)))
+    bodies, joints = {"a": first, "b": second}, {"screw": Joint("screw", "a", "b", pitch=0.7, **axis)}
+    made = SimpleNamespace(
+        bodies=bodies, joints=joints, reference=lambda one: (np.eye(3), np.array(bodies[one].center))
+    )
+    given = {"screw": 0.6}, {"screw": -1.3}
+    back = Placing(made, *given, {"b": pose}, {}, {})
+    R, x = back.places["a"]
+    forth = Placing(made, *given, {"a": (R, x - R @ first.center)}, {}, {})
+    for one in (back, forth):
+        np.testing.assert_allclose(one.places["b"][0], pose[0], atol=1e-14)
+        np.testing.assert_allclose(one.places["b"][1], pose[1] + pose[0] @ second.center, atol=1e-14)
+    (omega, v), (spin, rate) = back.twists["a"], forth.twists["b"]
+    np.testing.assert_allclose(spin, -omega, atol=1e-14)  # seen from one body and from the other
+    np.testing.assert_allclose(rate, -v - np.cross(omega, forth.places["b"][1] - x), atol=1e-14)
 
 
 @pytest.mark.long
