@@ -77,3 +77,5 @@ def test_what_is_known_exactly_claims_nothing():
         filter = Filter(ModelProcess(BODY, START), START, measurements={}, deviations={})
         for _ in range(5):
             filter.predict(0.01)
+    row = filter.process.row(filter.state)[None]
+    assert np.array_equal(filter.process.parts.probe(row, np.array([0.01]))[0], filter.process.advanced(row, 0.01))

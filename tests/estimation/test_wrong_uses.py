@@ -51,6 +51,7 @@ def run(**given):
 
 
 WRONG = {
+    "no system": (lambda: ModelProcess(None, start()), "`system` must be a co.System"),
     "error": (lambda: ModelProcess(system(), start(), error="middle"), '`error`.*must be "left" or "right"'),
     "method": (
         lambda: ModelProcess(system(), start(), method=co.methods.VariableStep(co.Midpoint())),

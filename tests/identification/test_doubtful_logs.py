@@ -12,7 +12,7 @@ from tests.torpedo import NOISE
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError
-from coadjoint.identification import Log, identify, merged, synthetic_log
+from coadjoint.identification import Log, identify, kinematics, merged, synthetic_log
 from coadjoint.identification.commands import with_current
 from coadjoint.spaces import Named
 from coadjoint_vehicles import Craft, load
@@ -154,3 +154,18 @@ def test_stretches_of_a_log_are_fitted_together_over_a_jump_of_the_clock(drift, 
     found = identify(same, split, start=start, parameters=["hull.axial_drag"], segment=segment, dt=0.05)
     assert found.segments == 2
     assert abs(found["hull.axial_drag"].value - 0.42) < 4 * found["hull.axial_drag"].standard_error < 0.02
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_intervals_between_places_count_where_speeds_are_known_on_both_sides(more):
+    """x = 3 ∫v dt: with LEAST such intervals, one of which ends at the last speed, the slope is known."""
+    t = np.arange(kinematics.LEAST + 1.0)
+    v = np.sin(t)
+    x = 3 * np.append(0.0, np.cumsum((v[1:] + v[:-1]) / 2))
+    place = np.append([7.0, *x], 40.0)  # before and after all speeds
+    time = np.concatenate([[-1.0], t, [t[-1] + 1]])
+    speed = np.concatenate([[np.nan], v, [np.nan]])
+    if more == 0:
+        place[2] = np.nan  # one interval less
+    b, correlation = kinematics._slope(time, [place], [speed])
+    assert (b, correlation) == (pytest.approx((3.0, 1.0), rel=1e-12) if more else (0.0, 0.0))

@@ -221,6 +221,8 @@ def test_the_force_is_along_the_axes_of_the_body_and_leaves_with_the_identificat
     force = dict(pushed.forces or ())["process_noise"](motion, pushed.parameters)
     np.testing.assert_array_equal(force.force, [1.0, 2.0, 3.0])
     np.testing.assert_array_equal(force.torque, [4.0, 5.0, 6.0])
+    labels = [getattr(wandering(SYSTEM, [name])[1], "labels", None) for name in ("force", "torque", "X")]
+    assert labels == [("X", "Y", "Z"), ("K", "M", "N"), ("X",)]
 
 
 def pushed(made, seed):

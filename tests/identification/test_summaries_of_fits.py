@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from coadjoint.errors import ArgumentError
 from coadjoint.groups import attitude
 from coadjoint.identification import rotations
+from coadjoint.identification.equalities import SIGN
 from coadjoint.identification.figures import autocorrelation_and_histogram, measured_and_simulated
 from coadjoint.identification.log import Log
 from coadjoint.identification.process_noise_estimate import ProcessNoise
@@ -63,6 +64,12 @@ def test_a_summary_has_estimates_noise_in_degrees_process_noise_and_warnings():
         "",
         "! the log is short",
     ]
+
+
+def test_an_estimate_is_found_by_its_name_and_by_those_of_equal_parameters():
+    found: Any = SimpleNamespace(estimates={"mass": 1, f"left{SIGN}right": 2, "ballast": 3})
+    names = ("mass", "left", "right", f"left{SIGN}right", "ballast")
+    assert [Identification.__getitem__(found, name) for name in names] == [1, 2, 2, 2, 3]
 
 
 def test_an_interval_narrower_than_five_digits_is_written_with_eight():
