@@ -157,6 +157,7 @@ def test_statistics_have_labels_counts_and_the_axes_of_time():
         "energy",
     }
     assert found.members.values.tolist() == [2, 2, 1] and found.mu.dims == ("statistic", "time", "axis")
+    assert statistics(made.transpose("time", "member", ...)).members.values.tolist() == [2, 2, 1]
     assert found.energy.sel(statistic="mean").values.tolist() == [3.0, 5.0, 4.0] and "speed" not in found.coords
     assert set(statistics(made, "energy").data_vars) == {"energy"}
     for call, sentence in (

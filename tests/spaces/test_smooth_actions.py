@@ -12,6 +12,8 @@ from coadjoint import methods
 from coadjoint.errors import ArgumentError, GroupError, StepError
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.spaces import Action, Representation, Submanifold
+from coadjoint.spaces import action as action_module
+from coadjoint.spaces.space import checked_vector
 from systems import HALF_PLANE, SL2, moebius
 
 
@@ -250,3 +252,25 @@ class Bent(Representation):
 def test_a_representation_that_is_not_linear_is_named_so():
     with pytest.raises(GroupError, match=r"must be linear, because its class is a Representation.*spaces\.Action"):
         co.System(SL2, lambda xi, a: xi @ xi, advected=Bent())
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_values_that_are_not_finite_at_a_single_point_are_named(monkeypatch, side):
+    points = action_module._points(HALF_PLANE, SL2)[:3]
+
+    def sides(*_):
+        both = np.ones((2, 3, 2))
+        both[side, 1, 0] = np.nan
+        return {"act(e, x) = x": (*both, np.ones(3))}
+
+    monkeypatch.setattr(action_module, "_TESTED", 3)
+    monkeypatch.setattr(action_module, "evaluate", sides)
+    with pytest.raises(GroupError, match=r"must have finite values .* none at x = ") as raised:
+        action_module._require_smooth_action.__wrapped__(HALF_PLANE, SL2)
+    assert str(np.round(points[1], 4).tolist()) in str(raised.value)
+
+
+@pytest.mark.parametrize("value", [[[1.0], [1.0, 2.0]], "ab", [1.0, None], [1.0, 2.0 + 1j], None])
+def test_a_vector_of_what_holds_no_numbers_is_refused(value):
+    with pytest.raises(ArgumentError, match="Argument `x`"):
+        checked_vector(value, 2, "x")

@@ -14,6 +14,7 @@ from coadjoint.errors import ArgumentError
 from coadjoint.spaces.named import named
 from coadjoint.stability.analysis import Stability
 from coadjoint.stability.integrals import _is_integral
+from coadjoint.stability.reduced import Reduced
 from coadjoint.stability.second_variation import _flows
 from coadjoint.stability.spectrum import Linearisation, Mode, velocity_names
 from coadjoint.stability.steady import Search, _held, _replaced, _solve
@@ -207,3 +208,19 @@ def test_a_search_goes_on_by_least_squares_where_newtons_iteration_stalls():
 
     assert _solve(both, np.array([-3.0])) == pytest.approx([-1.7692923542386314])
     assert abs(both(_solve(both, np.array([0.9])))[0][0]) > 0.5
+
+
+def test_what_is_essential_are_rows_of_the_unit_matrix_where_coordinates_are_ignorable():
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    for K, rows in (
+        (np.eye(4)[:, [1, 3]], np.eye(4)[[0, 2]]),
+        (np.eye(3)[:, []], np.eye(3)),
+        (np.eye(2), np.zeros((0, 2))),
+    ):
+        found = Reduced.essential.func(SimpleNamespace(ignorable=K))  # pyright: ignore[reportArgumentType]
+        np.testing.assert_array_equal(found, rows)
+    K = np.zeros((4, 1))
+    K[:2, 0] = turn[:, 0]
+    C = Reduced.essential.func(SimpleNamespace(ignorable=K))  # pyright: ignore[reportArgumentType]
+    np.testing.assert_allclose(C @ C.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(C @ K, 0.0, atol=1e-15)

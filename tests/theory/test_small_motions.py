@@ -12,8 +12,12 @@ import pytest
 
 import coadjoint as co
 from coadjoint import theory
+from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.theory import principal_bundles
+from coadjoint.theory import curves, principal_bundles
+from coadjoint.theory.euler_poincare import DiscreteEulerPoincare
+from coadjoint.theory.semidirect import SemidirectEulerPoincare
+from coadjoint.theory.unreduced import DiscreteEulerLagrange
 
 H = 0.1
 QUIET: dict[str, Any] = {"monitors": False, "accuracy": False}
@@ -75,3 +79,35 @@ def test_a_step_of_two_stages_has_the_left_transform_of_the_first_and_the_right_
     found = theory.discrete_legendre(run.system, run.method, run.records, H)
     close((found.minus.mu, found.minus.pi), (run.records.mu, run.records.pi))
     close((found.plus.mu[:-1], found.plus.pi[:-1]), (run.records.mu[1:], run.records.pi[1:]))
+
+
+def test_algorithms_continue_by_the_last_velocity_seen_from_the_last_node():
+    """F_k = F_{k−1}, and (q_k − q_{k−1})/h from space or from node k, as the guesses of the next step."""
+    system = co.System(
+        co.SO3(), group_lagrangian=lambda F, n, s, h: 0.5 * (s - n) @ (s - n) / h + h * s[0], additional=co.Defining()
+    )
+    g, h = (attitude.zyx(0.3, -0.2, 0.5), attitude.zyx(0.7, 0.4, -0.1), attitude.zyx(-0.2, 0.9, 0.3)), 0.1
+    q = np.array([[0.3, -0.2, 0.9], [0.5, 0.1, 0.7], [0.2, 0.2, 0.4]])
+    F, velocity = g[0].T @ g[1], (q[1] - q[0]) / h
+    pair = theory.Link(F, g[0].T @ q[0], g[0].T @ q[1], np.zeros(0))
+    reduced = DiscreteEulerPoincare(system)
+    close(evaluate(lambda pair: reduced.last(pair, h), pair), (F, g[1].T @ q[1], g[1].T @ velocity), 10)
+    first, second = (theory.Configuration(*both) for both in zip(g[:2], q[:2], strict=True))
+    unreduced = DiscreteEulerLagrange(theory.unreduce(system))
+    path = (first, second, np.zeros(0), theory.Instant())
+    close(evaluate(lambda *path: unreduced.last(path, h), *path), (F, q[1], velocity), 10)
+    after = evaluate(lambda *path: unreduced.following(path, h, g[1].T @ g[2], q[2])[:2], *path)
+    close(after, (second, theory.Configuration(g[2], q[2])))
+    semidirect = SemidirectEulerPoincare(system.group, system.additional, theory.semidirect_lagrangian(system))
+    found = semidirect.last(theory.SemidirectLink(F.T, q[0], q[1]), h)
+    close(found, (F, q[1], velocity), 10)
+
+
+@pytest.mark.parametrize("rule", curves.NODES)
+def test_nodes_and_weights_of_rules_integrate_what_their_order_asks_for(rule):
+    """Σ w = 1; Σ w c = ½ of symmetric rules; Σ w c² = ⅓ and Σ w c³ = ¼ of Simpson's; the ends of the one-sided ones."""
+    places, weights = np.array(curves.NODES[rule]).T
+    moments = [weights @ places**k for k in range(4)]
+    exact = {"LeftRectangle": [1, 0, 0, 0], "RightRectangle": [1, 1, 1, 1], "Simpson": [1, 1 / 2, 1 / 3, 1 / 4]}
+    expected = exact.get(rule.__name__, [1, 1 / 2])
+    assert moments[: len(expected)] == pytest.approx(expected) and np.all(np.diff(places) > 0)
