@@ -5,7 +5,7 @@ A value is a double, or a vector of doubles with one trajectory in each SIMD lan
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -57,6 +57,7 @@ class Emitter:
         self.truth = BIT if width == 1 else ir.VectorType(BIT, width)
         self.counter = INT64 if width == 1 else ir.VectorType(INT64, width)
         self._exact: set[Expr] | None = None
+        self._unsigned: set[Expr] = set()
         self._scopes: list[dict[Expr, Value]] = [{}]
 
     def keep_exact(self, nodes: Iterable[Expr]) -> None:
@@ -113,6 +114,8 @@ class Emitter:
         roots = list(roots)
         for node in self._missing(roots):
             self._scopes[-1][node] = self._instruction(node)
+            if _unsigned(node, self._unsigned):
+                self._unsigned.add(node)
         return [self._known(root) for root in roots]
 
     def _missing(self, roots: list[Expr]) -> list[Expr]:
@@ -176,6 +179,9 @@ class Emitter:
             return builder.fcmp_ordered("<", self.intrinsic("fabs", args[0]), self.constant(np.inf))
         if op == "sign":
             return self._sign(args[0])
+        if op in ("min", "max") and self._unsigned.issuperset(node.args):
+            # That −0 is less than 0 would take a branch, and twice as many instructions.
+            return self.intrinsic(_INTRINSICS[op], *args, flags=("nsz",))
         if op in _INTRINSICS:
             return self.intrinsic(_INTRINSICS[op], *args)
         if op in _LIBM:
@@ -255,10 +261,10 @@ class Emitter:
         negative = builder.select(builder.fcmp_ordered("<", x, zero), self.constant(-1.0), x)
         return builder.select(builder.fcmp_ordered(">", x, zero), self.constant(1.0), negative)
 
-    def intrinsic(self, name: str, *args: Value) -> ir.Value:
+    def intrinsic(self, name: str, *args: Value, flags: tuple[str, ...] = ()) -> ir.Value:
         """An LLVM intrinsic on numbers."""
         suffix = "f64" if self.width == 1 else f"v{self.width}f64"
-        return self.builder.call(self._function(f"llvm.{name}.{suffix}", self.number, len(args)), args)
+        return self.builder.call(self._function(f"llvm.{name}.{suffix}", self.number, len(args)), args, fastmath=flags)
 
     def _libm(self, name: str, *args: ir.Value) -> ir.Value:
         function = self._function(name, DOUBLE, len(args))
@@ -277,6 +283,17 @@ class Emitter:
             function = ir.Function(self.module, ir.FunctionType(number, [number] * count), name=name)
             function.attributes.add("nounwind")
         return function
+
+
+def _unsigned(node: Expr, known: Collection[Expr]) -> bool:
+    """Whether a number, if not NaN, is above 0 or +0, as those known to be so are."""
+    if node.op == "const":
+        return not isinstance(node.value, bool) and np.copysign(1.0, node.value) > 0  # pyright: ignore
+    if node.op == "max":
+        return any(argument in known for argument in node.args)
+    if node.op in ("min", "select"):
+        return all(argument in known for argument in node.args[-2:])
+    return node.op == "abs"
 
 
 def outer(roots: Iterable[Expr], inner: set[Expr]) -> list[Expr]:

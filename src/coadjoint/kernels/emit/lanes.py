@@ -31,10 +31,10 @@ ROUNDER = 1.5 * 2.0**52
 class LaneEmitter(Emitter):
     """Expressions as LLVM instructions, with elementary functions of all lanes together."""
 
-    def intrinsic(self, name: str, *args: Any) -> ir.Value:
+    def intrinsic(self, name: str, *args: Any, flags: tuple[str, ...] = ()) -> ir.Value:
         if self.width > 1 and name in _FUNCTIONS:
             return self.builder.call(self._lanes(name), args)
-        return super().intrinsic(name, *args)
+        return super().intrinsic(name, *args, flags=flags)
 
     def _libm(self, name: str, *args: ir.Value) -> ir.Value:
         if self.width > 1 and name in _FUNCTIONS:

@@ -160,6 +160,24 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
 
         return rule
 
+    def extremum(name: str, start: Expr) -> Rule:
+        """By pairs, of which each waits for the logarithm of their number of others rather than for all before it."""
+
+        def paired(row: list[Expr]) -> list[Expr]:
+            pairs = [graph.apply(name, a, b) for a, b in zip(row[::2], row[1::2], strict=False)]
+            return [*pairs, *row[2 * len(pairs) :]]
+
+        def rule(p: EquationParameters, x: Array) -> Array:
+            rows, shape = along(tuple(p["axes"]), x)
+            found = []
+            for row in map(list, rows):
+                while len(row) > 1:
+                    row = paired(row)
+                found += row or [start]
+            return nodes(found, shape)
+
+        return rule
+
     def arg(op: str) -> Rule:
         def rule(p: EquationParameters, x: Array) -> Array:
             rows, shape = along(tuple(p["axes"]), x)
@@ -189,8 +207,8 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
         "cumprod": cumulative(graph.mul),
         "cumsum": cumulative(graph.add),
         "reduce_and": reduction(named("and"), graph.true),
-        "reduce_max": reduction(named("max"), graph.constant(-math.inf)),
-        "reduce_min": reduction(named("min"), graph.constant(math.inf)),
+        "reduce_max": extremum("max", graph.constant(-math.inf)),
+        "reduce_min": extremum("min", graph.constant(math.inf)),
         "reduce_or": reduction(named("or"), graph.false),
         "reduce_prod": reduction(graph.mul, graph.one),
         "reduce_sum": reduction(graph.add, graph.zero),
