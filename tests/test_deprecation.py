@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import inspect
+import sys
 
 import pytest
 
 from coadjoint.deprecation import deprecated, renamed
+from coadjoint.earlier_names import EarlierNames, install
 from coadjoint.errors import ArgumentError
 
 
@@ -48,3 +50,9 @@ def test_both_names_of_an_argument_are_refused() -> None:
         steps(1.0, step=0.25, dt=0.25)
     with pytest.raises(ArgumentError, match="has no argument `width` to which another is renamed"):
         renamed(until="0.9", size="width")(steps)
+
+
+def test_earlier_names_of_modules_are_found_by_one_finder_however_often_it_is_asked_for() -> None:
+    before = list(sys.meta_path)
+    install()
+    assert sys.meta_path == before and sum(isinstance(one, EarlierNames) for one in before) == 1

@@ -56,6 +56,10 @@ def test_every_symbol_and_every_ending_is_in_the_tables():
         ("km/h", u.SPEED, 1 / 3.6), ("g/cm^3", u.DENSITY, 1000.0), ("kg m^2", u.INERTIA, 1.0),
         ("lb ft^2", u.INERTIA, 0.45359237 * 0.3048**2), ("L/min", u.VOLUME_RATE, 1e-3 / 60),
         ("1/deg", u.PER_ANGLE, 180 / math.pi), ("lbf ft", u.TORQUE, 1.3558179483314),
+        ("kg m/s^2", u.FORCE, 1.0), ("kg m^2/s^2", u.TORQUE, 1.0), ("N m/s", u.POWER, 1.0), ("W/A", u.VOLTAGE, 1.0),
+        ("V/A", u.RESISTANCE, 1.0), ("W/V", u.ELECTRIC_CURRENT, 1.0), ("kg/L", u.DENSITY, 1e3),
+        ("m/s^2", u.ACCELERATION, 1.0), ("s/km", u.SLOWNESS, 1e-3), ("1/min", u.FREQUENCY, 1 / 60),
+        ("cm^2", u.AREA, 1e-4), ("cm^3", u.VOLUME, 1e-6),
     ],
 )  # fmt: skip
 def test_products_quotients_and_powers(unit, dimension, factor):
@@ -76,3 +80,8 @@ def test_densities_and_random_walks_have_roots_in_their_units(unit, dimension, e
     assert u.in_si(1.0, unit, dimension, "It") == pytest.approx(expected, rel=1e-14)
     with pytest.raises(ArgumentError, match="give a unit of that kind"):
         u.in_si(1.0, unit, u.SPEED, "It")
+
+
+def test_an_existing_name_has_no_unit_at_its_end():
+    assert u.split_name("depth_m") == ("depth", "m") == u.split_name("depth_m", ("depth",))
+    assert u.split_name("depth_m", ("depth_m", "depth")) == ("depth_m", "") == u.split_name("depth_m", ("speed",))

@@ -10,9 +10,10 @@ import scipy.linalg
 
 import coadjoint as co
 from coadjoint.errors import ArgumentError, GroupError
+from coadjoint.groups.group import _is_orthogonal
 from coadjoint.groups.matrix_functions import REACH, exponential, exponential_minus_one
 from coadjoint.kernels.trace.evaluate import evaluate
-from systems import element, generator
+from systems import GROUPS, element, generator
 
 COVERS = [co.groups.UnitQuaternion(), co.groups.SU2()]
 
@@ -195,3 +196,10 @@ def test_the_defect_of_a_unitary_matrix_is_its_largest_entry_in_either_part():
         found = evaluate(group.defect, (np.eye(3) + off, odd))
         assert found == pytest.approx(2e-3 if real else 1e-3, rel=1e-3)
     assert evaluate(group.defect, (np.eye(3), e)) == 0.0
+
+
+@pytest.mark.parametrize("name", ["SO3", "SO4", "Un2", "SE3", "SL2"])
+def test_elements_are_orthogonal_where_the_basis_is_skew(name):
+    group = GROUPS[name]
+    g = evaluate(lambda xi: group.matrix(group.exp(xi)), generator("skew", name).normal(size=group.dim))
+    assert _is_orthogonal(group) == (np.max(np.abs(g @ g.T - np.eye(len(g)))) < 1e-12)

@@ -8,10 +8,11 @@ import pytest
 
 import coadjoint as co
 from coadjoint.kernels.program import Code
+from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.constrained_start import checked_members, known_start
 from coadjoint.mechanics.independent_rows import independent_rows, kept_rows
 from coadjoint.mechanics.members import stacked
-from coadjoint.mechanics.projection import _masked
+from coadjoint.mechanics.projection import _masked, tangent_start
 from pinned import INERTIA, PIN, RATES, body, hold, pinned, start
 
 
@@ -112,6 +113,41 @@ def test_derivatives_by_geometry_are_those_of_projected_runs():
             np.testing.assert_allclose(jax.jit(jax.grad(turned), static_argnums=1)(PIN, follows), exact, atol=1e-7)
     with co.float64():
         np.testing.assert_allclose(jax.jit(jax.grad(stays))(PIN), exact, atol=1e-7)
+
+
+@pytest.mark.parametrize("rows", [1, 2], ids=["independent", "redundant"])
+def test_a_start_in_a_trace_stays_and_moves_along_the_constraints(rows):
+    """A point on a circle of radius r, its derivatives by x, v, and r those of the nearest point and velocity on it:
+    ẋ = t (t·ẋ) + n ṙ, v̇ = t (t·v̇) − n (t·v)(t·ẋ)/r with the normal n and the tangent t."""
+
+    def made(radius):
+        circle = co.Holonomic(lambda n, p: 0.5 * (n @ n - p.radius**2))
+        return co.System(
+            co.Translation(0), lambda xi, n, nu, p: 0.5 * nu @ nu, additional=co.Trivial(2),
+            parameters={"radius": radius}, constraints={f"circle_{k}": circle for k in range(rows)},
+        )  # fmt: skip
+
+    angle, radius, speed = 0.7, 2.0, 1.5
+    n, t = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+    start = made(radius).state(q=radius * n, qdot=speed * t)
+
+    def numbers(x, v, r):
+        found, kept, on = tangent_start(made(r), start.replace(n=x, nu=v, pi=v))
+        return (found.n, found.pi), (kept if rows > 1 else x[:1], on)
+
+    at, along = (radius * n, speed * t, radius), (np.array([0.3, -0.8]), np.array([0.4, 0.9]), 0.6)
+    (x, v), (dx, dv), (kept, on) = evaluate(lambda at, along: jax.jvp(numbers, at, along, has_aux=True), at, along)
+    np.testing.assert_array_equal(np.stack([x, v]), np.stack(at[:2]))
+    np.testing.assert_allclose(dx, t * (t @ along[0]) + n * along[2], atol=1e-13)
+    np.testing.assert_allclose(dv, t * (t @ along[1]) - n * speed * (t @ along[0]) / radius, atol=1e-13)
+    assert on and (rows == 1 or kept.tolist() == [1, 0])
+    if rows == 1:
+        seen = tabulate(lambda *at: numbers(*at)[1][1], *at)
+        assert [bool(seen(*one)) for one in (at, (1.01 * at[0], *at[1:]), (at[0], at[1] + n, radius))] == [
+            True,
+            False,
+            False,
+        ]
 
 
 @pytest.mark.long

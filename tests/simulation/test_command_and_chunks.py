@@ -13,8 +13,8 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.program import StatusFlag
 from coadjoint.mechanics.inputs import Command, inputs_from
-from coadjoint.simulation import execution, store
-from coadjoint.simulation.steppers import engines
+from coadjoint.simulation import execution, setup_cache, store
+from coadjoint.simulation.steppers import building, engines
 from coadjoint.simulation.steppers.building import commanded
 from coadjoint.simulation.steppers.engines import _told
 from coadjoint.simulation.steppers.interface import Buffers
@@ -124,3 +124,33 @@ def test_a_chunk_holds_no_more_records_than_a_run_has_or_a_flush_takes():
     assert blocks(2 * block, 5) == (1, 1) and blocks(block // 2, 5) == (2, 1)
     assert blocks(8, 5, members=3) == (5, 3) and blocks(8, 10**9, members=1)[0] == min(rows, flush // 8)
     assert blocks(8, 10**9, members=flush // 80) == (10, block // 80) and blocks(flush, 5, members=7) == (1, 1)
+
+
+@pytest.mark.parametrize("known", [None, {"warnings": ["an earlier one"]}])
+@pytest.mark.parametrize("read", [None, SimpleNamespace(version="that was read")])
+def test_a_start_is_checked_unless_its_verdict_is_known_and_its_version_is_read_or_made(monkeypatch, known, read):
+    """In this order: the internal state, the system, the direction of time; what a method begins; chart and events."""
+    done: list[Any] = []
+
+    def said(name: str, found: Any) -> Any:
+        return lambda *_: done.append(name) or found
+
+    stand_ins = {"require_internal": ["internal"], "require_forward": ["forward"], "redundancy": ["redundant"],
+                 "require_chart": None, "require_events": None, "version": "that was made"}  # fmt: skip
+    for name, found in stand_ins.items():
+        monkeypatch.setattr(building, name, said(name, found))
+    monkeypatch.setattr(setup_cache, "read", lambda *_: read)
+    monkeypatch.setattr(setup_cache, "verdict", lambda reading, kind: known)
+    monkeypatch.setattr(setup_cache, "remember_verdict", said("remembered", None))
+    system, method = (SimpleNamespace(inputs=None, check=said("check", ["checked"])), SimpleNamespace(regular=True))
+    vars(method)["begin"] = said("begin", "begun")
+    begun, version, warnings = building.checked(cast(Any, system), cast(Any, None), cast(Any, method), 0.1, None)
+    new = ["internal", "checked", "forward", "redundant"]
+    assert (begun, warnings) == ("begun", new if known is None else ["an earlier one"])
+    assert version == ("that was made" if read is None else "that was read")
+    checks = (
+        ["require_internal", "check", "require_forward"],
+        ["require_chart", "require_events", "redundancy", "remembered"],
+    )
+    first, then = checks if known is None else ([], [])
+    assert done == [*first, "begin", *then, *(["version"] if read is None else [])]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import jax
@@ -12,9 +13,12 @@ from tests.torpedo import start, torpedo
 import coadjoint as co
 from coadjoint.identification.channels import VEHICLE, Channels
 from coadjoint.identification.problem import Observed
+from coadjoint.kernels.emit.adjoint import adjoint
+from coadjoint.kernels.emit.tangent import tangent
 from coadjoint.kernels.packing import pack
 from coadjoint.kernels.run import batch, gradient
 from coadjoint.kernels.run.function import NativeFunction
+from coadjoint.kernels.untraceable import Untraceable
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.mechanics.identity import version
 from coadjoint.methods.program import Constants, StepProgram
@@ -118,3 +122,10 @@ def test_a_native_function_and_its_jacobian():
     expected = np.zeros((2, 3, 2))
     expected[:, 0, 0], expected[:, 0, 1], expected[:, 1, 1] = np.sin(x[:, 1]), x[:, 0] * np.cos(x[:, 1]), 1 / y[:, 1]
     np.testing.assert_allclose(slopes, expected)
+
+
+@pytest.mark.parametrize("derivative", [tangent, adjoint])
+def test_a_step_one_of_whose_stages_may_fail_has_no_derivative(derivative):
+    stages = SimpleNamespace(sound=None), SimpleNamespace(sound="symbol")
+    with pytest.raises(Untraceable, match="a stage that may fail has no derivative in native code"):
+        derivative(SimpleNamespace(stages=stages), ())

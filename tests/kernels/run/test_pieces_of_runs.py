@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from coadjoint.kernels.run import native
+from coadjoint.kernels.run import batch, native
 from coadjoint.kernels.run.batch import PiecewiseParameters, _move, _turn
 
 
@@ -77,3 +77,17 @@ def test_pieces_of_a_run_are_that_run_although_lanes_fail_on_the_way(monkeypatch
         assert found.records[:rows, 0, lane].tolist() == whole.records[:rows, 0, lane].tolist() == [0, 5, 10, 15][:rows]
     took.clear()
     assert launched(steps, [2.0, 1.0, 0.0]).status[0].tolist() == [2, 1, 0] and sum(took) < 3 + steps
+
+
+def test_parameters_with_derivatives_stay_symbols_although_they_are_zeros_or_ones(monkeypatch):
+    class Seen(Exception):
+        pass
+
+    def plan(program, parameters, state, pattern, monitors, unrolled):
+        raise Seen(pattern)
+
+    monkeypatch.setattr(batch, "plan", plan)
+    for active, pattern in (((), (0, 1, 2, 0, 1)), ((0, 4), (2, 1, 2, 0, 2)), ((1, 2), (0, 2, 2, 0, 1))):
+        with pytest.raises(Seen) as raised:
+            batch.driven(cast(Any, "a program"), np.array([0.0, 1.0, 0.7, 0.0, 1.0]), np.zeros(2), active)
+        assert raised.value.args[0] == pattern
