@@ -38,7 +38,7 @@ def forced_run(world: str, tau: str, rule: str) -> Run:
     return Run(world, stepper, leaps, max(np.max(np.abs(m)) for m in momenta))
 
 
-pytestmark = pytest.mark.cases(2)  # which share what the fixture prepares
+pytestmark = pytest.mark.cases(1)  # which shares what the fixture prepares
 
 
 @pytest.fixture(

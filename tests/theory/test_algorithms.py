@@ -156,6 +156,7 @@ def test_the_residual_of_euler_poincare_poisson_is_minus_that_of_total_momenta_a
     close(row, expected, ROUND_OFF)
 
 
+@pytest.mark.long
 @pytest.mark.cases(1)
 @pytest.mark.parametrize("parameter", ["left", "right"])
 def test_discrete_kelvin_noether_theorem_of_euler_poincare_poisson(parameter):

@@ -72,7 +72,9 @@ def test_the_reduced_algorithm_gives_the_unreduced_motion_whatever_the_connectio
 
 
 @pytest.mark.cases(1)
-@pytest.mark.parametrize(("name", "rule"), CASES)
+@pytest.mark.parametrize(
+    ("name", "rule"), [CASES[0], *(pytest.param(*case, marks=pytest.mark.long) for case in CASES[1:])]
+)
 def test_the_residual_vanishes_on_the_motion_and_nowhere_near_it(name, rule):
     system, start = random_system(name)
     g, x, mu = motion(name, rule)

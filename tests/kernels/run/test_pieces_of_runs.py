@@ -10,6 +10,7 @@ import pytest
 
 from coadjoint.kernels.run import batch, native
 from coadjoint.kernels.run.batch import PiecewiseParameters, _move, _turn
+from coadjoint.kernels.untraceable import NotLinked
 
 
 def wandering(knots: int, steps: int = 4) -> PiecewiseParameters:
@@ -91,3 +92,11 @@ def test_parameters_with_derivatives_stay_symbols_although_they_are_zeros_or_one
         with pytest.raises(Seen) as raised:
             batch.driven(cast(Any, "a program"), np.array([0.0, 1.0, 0.7, 0.0, 1.0]), np.zeros(2), active)
         assert raised.value.args[0] == pattern
+
+
+def test_a_chain_whose_links_were_found_to_differ_is_not_written_in_loops_again(monkeypatch):
+    monkeypatch.setattr(native.plans, "name", lambda *_: "its name")
+    monkeypatch.setattr(native.disk_cache, "find", {"its name": {"unlike": "a link differs"}}.get)
+    variant = native.Variant(cast(Any, ()), cast(Any, ()), (), False, 1)
+    with pytest.raises(NotLinked, match="a link differs"):
+        native._kept(cast(Any, None), (), (), variant, None)
