@@ -258,3 +258,20 @@ def test_a_hamiltonian_driven_by_inputs_moves_as_its_lagrangian():
         turned.append(np.max(np.abs(run.final.mu - start.mu)))
     np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-13)
     assert min(turned) > 1e-2
+
+
+def test_momenta_change_with_the_place_as_their_closed_form_says():
+    """ℋ = ½ (1 + n²) μ² has μ = ξ/(1 + n²), and ℋ = ½ (1 + n²) μ² + ¼ μ⁴ its root; both along (ξ̇, ṅ)."""
+    xi, n, along = np.array([0.7]), np.array([0.5]), (np.array([0.3]), np.array([-0.4]))
+    for quartic in (0.0, 1.0):
+        system = co.System(
+            co.SO2(), hamiltonian=lambda mu, n, pi, k=quartic: 0.5 * (1 + n @ n) * mu @ mu + 0.25 * k * (mu @ mu) ** 2
+            + 0.5 * pi @ pi, additional=co.Trivial(1),
+        )  # fmt: skip
+
+        def momentum(xi, n, system=system):
+            return legendre(system, xi, n, jnp.zeros(1), jnp.zeros(0), 0.0, (), ())[0]
+
+        mu, slope = evaluate(lambda xi, n: jax.jvp(momentum, (xi, n), along), xi, n)
+        assert (1 + n @ n) * mu + quartic * mu**3 == pytest.approx(xi)
+        assert (1 + n @ n + 3 * quartic * mu**2) * slope == pytest.approx(along[0] - 2 * n * along[1] * mu)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
@@ -10,7 +13,8 @@ from coadjoint.audit.shipped import SHIPPED
 from coadjoint.audit.systems import PROBLEMS
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.methods import Step
+from coadjoint.methods import Step, linked_stage
+from coadjoint.methods import step as step_module
 from coadjoint.methods.variable_step import Pace
 
 MEMBERS = ("order", "stages", "equations", "advance", "sources", "relative")
@@ -102,3 +106,34 @@ def test_every_stage_of_a_shipped_method_gives_its_discrete_energy(shipped) -> N
     for stage, _ in shipped.make(co.Cayley()).stages:
         between = type(stage).__mro__[: type(stage).__mro__.index(Step)]
         assert {"nodes", "energy"} & {name for kind in between for name in vars(kind)}
+
+
+def test_the_balance_of_a_step_is_relative_to_its_momentum_and_to_the_largest_that_it_was_given(monkeypatch):
+    monkeypatch.setattr(step_module, "total_momentum", lambda system, state: state)
+    monkeypatch.setattr(step_module, "momentum_scale", lambda system, record: 2.0)
+    group = SimpleNamespace(Ad_dual=lambda F, m: F * m)
+    given = np.array([1.0, -8.0]), np.array([3.0, 0.5])
+    one: Any = SimpleNamespace(sources_to=lambda *_: given, relative=lambda *_: 0.5)
+    before, after = np.array([2.0, 4.0]), np.array([4.5, -1.75])
+    # ½ (2, 4) + ½ (1, −8) + (3, ½) = (4.5, −1.5) is off by ¼
+    found = Step.balance(one, cast(Any, SimpleNamespace(group=group)), cast(Any, before), 0.1, cast(Any, after))
+    assert found == pytest.approx(0.25 / (2.0 + 8.5))
+
+
+def test_states_of_links_that_are_compared_differ_by_a_size_and_turn_by_a_tenth_at_most():
+    random: Any = SimpleNamespace(normal=lambda size: np.ones(size))
+    names = {name: np.array([1.0, -3.0]) for name in ("n", "mu", "pi", "xi", "nu")}
+    state: Any = SimpleNamespace(**names, g=2.0, a=3.0, t=1.0, internal_due=None, replace=lambda **more: more)
+    for size, turn in ((0.02, 0.02), (5.0, 0.1)):
+        one: Any = SimpleNamespace(
+            _memory=lambda count, numbers: numbers((count, 2)), count=3, group=SimpleNamespace(dim=2), driving=(),
+            _turned=lambda g, a, eta: (g * eta, a * eta),
+        )  # fmt: skip
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(linked_stage, "_each_driving", lambda state, function, flags: {"t": 0.0})
+            patch.setattr(linked_stage, "evaluate", lambda function, *given: function(*given))
+            found = linked_stage.StepOfLinks.nearby(one, state, random, size, 0.5)
+        assert found["g"].tolist() == [2 * turn] * 2 and found["a"].tolist() == [3 * turn] * 2 and found["t"] == 1.5
+        for name in names:
+            assert found[name] == pytest.approx([1 + 2 * size, -3 + 4 * size])
+        assert found["memory"].tolist() == np.ones((3, 2)).tolist()

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 import coadjoint as co
 from coadjoint.groups.derivative import left_derivative, right_derivative
 from coadjoint.kernels.trace.evaluate import evaluate
+from coadjoint.methods.group_variational import LastIncrement
 from coadjoint.theory.unreduced import WithKeywords
 from discrete import moser_veselov, random_group_system
 from stepping import Stepper
@@ -260,3 +264,14 @@ def test_the_derivative_of_a_run_is_that_of_its_difference_quotient():
         quotient = float((end(0.9 + 1e-5) - end(0.9 - 1e-5)) / 2e-5)
     assert abs(slope) > 0.1
     np.testing.assert_allclose(slope, quotient, rtol=1e-6)
+
+
+def test_the_last_increment_is_the_first_one_of_a_run_that_goes_on_with_the_same_step_alone():
+    method, system = co.methods.GroupVariational(co.Exponential()), SimpleNamespace(group=co.SO2())
+    last = LastIncrement(np.eye(2), np.zeros(1), np.float64(0.1))
+    for memory, from_velocities, h in ((last, False, 0.1), (last, True, 0.1), (last, False, 0.2), (None, False, 0.1)):
+        state: Any = SimpleNamespace(memory=memory, from_velocities=from_velocities, xi=np.array([0.5]))
+        found = method._first(system, state, h)  # pyright: ignore[reportArgumentType]
+        goes_on = memory is last and not from_velocities and h == 0.1
+        assert (found is last) == goes_on and found.h == h
+        assert goes_on or np.arctan2(found.F[1, 0], found.F[0, 0]) == pytest.approx(0.5 * h)

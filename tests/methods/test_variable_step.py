@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from types import SimpleNamespace
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +18,7 @@ from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics.copies import replace_parameters
 from coadjoint.methods import VariableStep
 from coadjoint.methods.program import Constants, StepProgram
+from coadjoint.methods.variable_step import Pace, Paced, _Predict, _Search
 from coadjoint.models import catalogue
 from coadjoint.simulation.driver import Driver
 from systems import generator, random_system
@@ -266,9 +270,17 @@ def test_what_does_not_fit_is_refused():
     for within in ((0.0, 2.0), (1.0, 2.0), (0.5, np.inf), 3.0):
         with pytest.raises(co.errors.ArgumentError, match="0 < low < 1 < high"):
             VariableStep(within=within)  # pyright: ignore[reportArgumentType]
-    forced, start = random_system("SO3", forced=True)
-    with pytest.raises(co.errors.ArgumentError, match="forces, explicit time, inputs and internal states change"):
-        co.simulate(forced, start, dt=0.1, steps=1, method=VariableStep())
+    for changes in (
+        {"forces": 1},
+        {"internal": 1},
+        {"depends_on_time": True},
+        {"taken": "inputs"},
+        {"taken": "internal"},
+    ):
+        given = {"forces": None, "internal": None, "depends_on_time": False, "taken": "", **changes}
+        driven: Any = SimpleNamespace(**given, takes=lambda name, taken=given["taken"]: name == taken)
+        with pytest.raises(co.errors.ArgumentError, match="forces, explicit time, inputs and internal states change"):
+            Paced(co.Simpson()).require_fit(driven)
     sphere, start = timeless("SO3 on a sphere")
     with pytest.raises(co.errors.ArgumentError, match="VariableStep over Midpoint needs a flat space"):
         co.simulate(sphere, start, dt=0.1, steps=1, method=VariableStep(co.Midpoint()))
@@ -323,3 +335,103 @@ def test_gradients_go_through_xla():
         slope = jax.grad(turned)(np.diag([1.0, 2.0, 3.0]))
     assert slope[2, 2] == pytest.approx(1.0, abs=1e-10)
     assert np.all(np.isfinite(slope))
+
+
+class Node(NamedTuple):
+    """A state of one freedom; t stands for what steps add up."""
+
+    xi: Any
+    memory: Any
+    t: Any = 0.0
+    mu: Any = 2.0
+    pi: Any = 0.0
+    nu: Any = 0.0
+
+    def replace(self, **changes):
+        return self._replace(**changes)
+
+
+@dataclass(frozen=True)
+class Line:
+    """R = z − hc and E = αz + βh: along solutions dE/dh = αc + β. Whatever a step gives is made of its h."""
+
+    c: float
+    alpha: float
+    beta: float
+
+    def guess(self, system, state, h):
+        return state.xi * h
+
+    def record(self, system, state, h, z):
+        return state.replace(xi=z, t=h)
+
+    def equations(self, system, record, h):
+        return record.xi - h * self.c
+
+    def energy(self, system, record, h):
+        return self.alpha * record.xi[0] + self.beta * h
+
+    def chart(self, system, record, h):
+        return 0.1 * h
+
+    def advance(self, system, record, h):
+        return record.replace(t=record.t + h)
+
+    def blocks(self, system):
+        return (1,)
+
+    def sources(self, system, record, h):
+        return h
+
+    def relative(self, system, record, h):
+        return 2 * h
+
+
+def paced(ratio: float, energy: float = 0.0, known: float = 1.0) -> Node:
+    memory = Pace(*(np.float64(x) for x in (ratio, energy, known, 5.0)))
+    return Node(np.array([3.0]), memory, mu=np.array([2.0]), pi=np.zeros(1), nu=np.zeros(1))
+
+
+@pytest.fixture
+def in_float64():
+    with co.float64():
+        yield
+
+
+@pytest.mark.usefixtures("in_float64")
+def test_the_search_solves_the_equations_of_the_base_rule_with_that_of_the_energy_for_h():
+    search, system = _Search(cast(Any, Line(2.0, 0.5, 1.0)), within=(0.5, 2.0)), cast(Any, None)
+    assert search.blocks(system) == (1, 1) and _Predict(search.base).blocks(system) == (1,)
+    assert search.guess(system, cast(Any, paced(0.8)), 0.5).tolist() == [3.0 * 0.5 * 0.8, 0.8]
+    record: Any = search.record(system, cast(Any, paced(0.8, energy=0.7)), 0.5, np.array([4.0, 1.5]))
+    assert (record.xi.tolist(), record.memory.ratio, record.t) == ([4.0], 1.5, 0.75)
+    assert search.equations(system, record, 0.5).tolist() == [4.0 - 0.75 * 2.0, 0.5 * 4.0 + 0.75 - 0.7]
+    first = record.replace(memory=record.memory._replace(known=np.float64(0.0)))
+    assert search.equations(system, first, 0.5).tolist() == [4.0 - 0.75 * 2.0, 0.5]
+    found, fixed = (search.advance_if(system, record, 0.5, np.float64(sound)).memory for sound in (1.0, 0.0))
+    assert (found.ratio, found.fixed, fixed.ratio, fixed.fixed) == (1.5, 5.0, 1.0, 6.0)
+    assert _Predict(search.base).advance_if(system, record, 0.5, np.float64(1.0)) is record
+
+
+def test_a_ratio_out_of_bounds_or_without_an_energy_that_depends_on_it_is_beyond_the_chart():
+    """dE/dh = αc + β vanishes for α = 1, c = 2, β = −2; the first step has its h by itself."""
+    for line, inside in ((Line(2.0, 0.5, 1.0), True), (Line(2.0, 1.0, -2.0), False), (Line(2.0, -1.0, -2.0), True)):
+        search = _Search(cast(Any, line), within=(0.5, 2.0))
+        for ratio, known in ((1.5, 1.0), (0.4, 1.0), (2.1, 1.0), (1.5, 0.0)):
+            at = evaluate(partial(search.chart, cast(Any, None)), paced(ratio, known=known), 0.5)
+            usable = 0.5 < ratio < 2.0 and (inside or known == 0)
+            assert at == pytest.approx(0.1 * 0.5 * ratio if usable else 1.0)
+
+
+@pytest.mark.usefixtures("in_float64")
+def test_a_paced_step_is_that_of_the_base_rule_over_its_own_length_and_the_first_gives_the_energy():
+    step, system = Paced(cast(Any, Line(2.0, 0.5, 1.0))), cast(Any, None)
+    record: Any = paced(0.8, energy=0.7)
+    assert step.advance(system, record, 0.5).t == 0.4 and step.size(record, 0.5) == 0.4
+    assert step.sources(system, record, 0.5) == 0.4 and step.relative(system, record, 0.5) == 0.8
+    assert step.energy(system, record, 0.5) == 0.5 * 3.0 + 0.4 and step.chart(system, record, 0.5) == 0.1 * 0.4
+    assert step.advance(system, record, 0.5).memory.energy == 0.7
+    started = step.remember(system, record).memory
+    assert tuple(started) == (1.0, 0.0, 0.0, 0.0)
+    after: Any = step.advance(system, record.replace(memory=started), 0.5)
+    assert tuple(after.memory) == (1.0, 0.5 * 3.0 + 0.5, 1.0, 0.0)

@@ -11,7 +11,9 @@ import pytest
 
 import coadjoint as co
 from coadjoint.errors import CoadjointError
+from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.models import rods
+from coadjoint.models.rods import statics
 
 
 def rod(**changes: Any) -> co.System:
@@ -177,6 +179,22 @@ def test_the_smallest_rod_of_every_kind_of_ends_starts(ends, least, space):
     else:
         state = rods.planar_start(rod(elements=least, ends=ends), curvature=circle)
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((state.g, state.mu)))
+
+
+@pytest.mark.cases(1)
+@pytest.mark.parametrize("ends", ["clamped", pytest.param("free", marks=pytest.mark.long)])
+def test_a_rod_whose_strains_move_a_little_has_sections_that_move_alike(ends):
+    """The sections are rebuilt from the clamp, or from the first one, and are g exp(η) to first order."""
+    made = rod(elements=2, ends=ends)
+    state = rods.planar_start(made, position=(0.3, -0.2), angle=0.4, curvature=0.6)
+    a0 = evaluate(lambda g, a: made.advected.act(made.group, g, a), state.g, state.a)
+    eta = np.sin(np.arange(float(made.group.dim)))
+    for size, within in ((0.0, 1e-14), (1e-5, 1e-9)):
+        found = statics._moved(made, state, a0, size * eta)
+        moved = evaluate(lambda g, x: made.group.compose(g, made.group.exp(x)), state.g, size * eta)
+        for one, expected in zip(found.g, moved, strict=True):
+            np.testing.assert_allclose(one, expected, atol=within)
+    assert not np.any(found.mu) and np.max(np.abs(found.a - state.a)) > 1e-7
 
 
 def test_a_motion_may_end_with_the_run():
