@@ -133,6 +133,7 @@ def test_a_false_half_has_order_3_and_no_symmetry():
     assert not not_shown(findings(wrong.FALSE_HALF, co.difference_maps.Squared(co.Cayley())))
 
 
+@pytest.mark.long
 def test_a_step_that_is_not_symplectic_is_found():
     found = findings(Shipped("losing", wrong.Losing), co.Cayley())
     assert not_shown(found) == {"symmetric", "symplectic", "momentum", "energy"}

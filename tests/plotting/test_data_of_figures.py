@@ -11,12 +11,14 @@ import pytest
 import xarray as xr
 
 from coadjoint.errors import ArgumentError
+from coadjoint.plotting import scene_of_runs
 from coadjoint.plotting.attitude import _broken, _set_points, attitude
 from coadjoint.plotting.budget import budget
 from coadjoint.plotting.components import component_labels, momenta, variable, velocities
 from coadjoint.plotting.conservation import _changes, _finish, relative
-from coadjoint.plotting.decimation import thin
-from coadjoint.plotting.entries import entries
+from coadjoint.plotting.decimation import CAPACITY, thin
+from coadjoint.plotting.entries import Entry, entries
+from coadjoint.plotting.film import Film
 from coadjoint.plotting.plots import Plots, _ending, available
 from coadjoint.plotting.style import COLOURS, DASHES, canvas, time_axis
 from coadjoint.plotting.trajectory import trajectory
@@ -369,3 +371,29 @@ def test_an_axis_of_errors_holds_all_curves_but_no_round_off_of_the_largest():
             axes.plot([0.0, 1.0], [height, height], label=str(height))
         _finish(figure, axes, runs(dataset(NODES)), "error")
         assert axes.get_ylim() == pytest.approx(limits)
+
+
+@pytest.mark.parametrize(("crowd", "most"), [(1, CAPACITY), (4, CAPACITY // 4), (100, CAPACITY // 10)])
+def test_a_curve_of_a_crowd_has_its_share_of_points_and_not_less_than_a_tenth(crowd, most):
+    series = np.random.default_rng(1).normal(size=9 * CAPACITY)
+    entry = Entry(dataset(NODES), "one", crowd=crowd)
+    assert np.array_equal(entry.thin(series), thin(series, capacity=most))
+
+
+def test_what_is_not_there_is_no_path_and_a_run_of_one_node_no_film():
+    with pytest.raises(ArgumentError, match="There is no variable `gone` to draw"):
+        trajectory(runs(), "gone", False)
+    with pytest.raises(ArgumentError):
+        Film(runs(dataset(NODES).isel(time=[0])), 2)
+
+
+def test_a_scene_of_a_package_above_is_that_of_runs_that_all_fit(monkeypatch):
+    """Else that of bodies."""
+    made: list[Any] = []
+    names = {"fits": lambda run: len(run.time) > 5, "make": lambda shown, hull: made.append(len(shown))}
+    monkeypatch.setattr(scene_of_runs, "import_string", names.get)
+    monkeypatch.setattr(scene_of_runs, "SCENES", {"a": SimpleNamespace(fits="fits", make="make")})
+    monkeypatch.setattr(scene_of_runs.bodies, "scene", lambda shown, solids, z_down: made.append("bodies"))
+    for nodes in (9, 3):
+        scene_of_runs.scene(runs(dataset(12), dataset(nodes), labels=["a", "b"]))
+    assert made == [2, "bodies"]

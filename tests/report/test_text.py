@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from coadjoint.report import text
 from coadjoint.report.text import _trajectory
 
 
@@ -25,10 +26,10 @@ def reproduction(z: list[float], mass: float, apart: float = 0.0) -> Any:
 
 
 def test_a_light_vehicle_turns_where_it_is_deepest():
-    text = _trajectory(reproduction([1.0, 3.0, 2.0, 0.5], mass=1.5, apart=2e-3))
-    assert "z grows from 1 m to 3 m at t = 1 s and then falls to 0.5 m" in text
-    assert "floats up, past where it began" in text and "at most 2e-03 m apart" in text
-    assert "Weight less buoyancy is -5 N" in text
+    told = _trajectory(reproduction([1.0, 3.0, 2.0, 0.5], mass=1.5, apart=2e-3))
+    assert "z grows from 1 m to 3 m at t = 1 s and then falls to 0.5 m" in told
+    assert "floats up, past where it began" in told and "at most 2e-03 m apart" in told
+    assert "Weight less buoyancy is -5 N" in told
 
 
 @pytest.mark.parametrize(
@@ -37,9 +38,19 @@ def test_a_light_vehicle_turns_where_it_is_deepest():
     ids=["heavy", "deepest at the end", "deepest at the start", "neutral"],
 )
 def test_another_goes_on_without_turning(z, mass):
-    text = _trajectory(reproduction(z, mass))
-    assert f"z goes from {z[0]:g} m to {z[-1]:g} m without turning back" in text and "growing z is a dive" in text
+    told = _trajectory(reproduction(z, mass))
+    assert f"z goes from {z[0]:g} m to {z[-1]:g} m without turning back" in told and "growing z is a dive" in told
 
 
 def test_a_light_vehicle_that_ends_where_it_began_is_not_said_to_pass_it():
     assert "growing z is a dive" in _trajectory(reproduction([1.0, 3.0, 1.0], mass=1.5))
+
+
+def test_round_off_of_the_quantity_is_that_of_its_largest_factors(monkeypatch):
+    """ε |n||π| of the node where they are largest, relative to I."""
+    given = {"kelvin_noether_initial": 0.5, "kelvin_noether_error_max": 1e-12, "balance_residual_max": 1e-13}
+    monkeypatch.setattr(text, "numbers", lambda run: given)
+    records = SimpleNamespace(n=np.diag([1.0, 2.0, 30.0]), pi=np.eye(3)[:, ::-1] * 4.0)
+    runs = dict.fromkeys(("cayley", "exponential"), SimpleNamespace(records=records))
+    told = text._kelvin_noether(cast(Any, SimpleNamespace(runs=runs)))
+    assert "|n||π| = 1.2e+02 kg m²/s" in told and f"{np.finfo(float).eps * 120 / 0.5:.0e} of I." in told

@@ -221,3 +221,8 @@ def test_arguments_of_a_start_become_arrays_by_element_and_by_name():
     found = _arrays({"a": [1, 2], "b": ([1.0, 2.0], 3.0), "c": None, "d": (1.0, 2.0)})
     assert found["a"].tolist() == [1.0, 2.0] and found["c"] is None and found["d"].shape == (2,)
     assert isinstance(found["b"], tuple) and found["b"][0].shape == (2,) and found["b"][1].shape == ()
+
+
+@pytest.mark.parametrize(("given", "count"), [({"duration": 1.0}, 10), ({"steps": 7}, 7)])
+def test_a_run_has_the_steps_of_its_duration(given, count):
+    assert RunSection(dt=0.1, **given).count == count

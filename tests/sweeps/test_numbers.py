@@ -102,3 +102,9 @@ def test_angles_go_on_over_turns_and_failed_members_are_nan():
     assert found["final_euler_angles"][0] == pytest.approx(on[-1])
     assert found["least_euler_angles"][0] == 3.0 and found["mean_euler_angles"][0] == pytest.approx(on.mean())
     assert all(np.isnan(values[1]) for values in found.values())
+
+
+def test_a_normal_number_is_finite_at_both_ends_and_follows_its_law_between():
+    low, middle, high, end = Number("mass", normal=(10.0, 2.0)).at(np.array([0.0, 0.5, 0.841344746068543, 1.0]))
+    assert (middle, high) == pytest.approx((10.0, 12.0)) and low == pytest.approx(10 - 2 * 8.2924, abs=1e-3)
+    assert end == pytest.approx(10 + 2 * 8.2095, abs=1e-3)
