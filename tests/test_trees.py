@@ -100,3 +100,14 @@ def test_another_structure_is_refused_as_by_jax():
         structure.unflatten([1.0, 2.0])
     with pytest.raises(ValueError):
         structure.unflatten([1.0, 2.0, 3.0, 4.0])
+
+
+def test_maps_with_paths_unflatten_and_hash_as_those_of_jax():
+    tree, other = {"b": (1, [2]), "a": None}, {"b": (3, [4]), "a": 5}
+    structure = trees.tree_structure(tree)
+    assert trees.tree_unflatten(structure, [7, 8]) == {"b": (7, [8]), "a": None}
+    named = trees.tree_map_with_path(lambda path, leaf: f"{trees.keystr(path)} {leaf}", tree)
+    assert named == jax.tree_util.tree_map_with_path(lambda path, leaf: f"{jax.tree_util.keystr(path)} {leaf}", tree)
+    same, differs = trees.tree_structure({"b": (5, [6]), "a": None}), trees.tree_structure(other)
+    assert same == structure and hash(same) == hash(structure) and (same != structure) is False and differs != structure
+    assert trees.all_leaves([1, "x", 2.0]) and not trees.all_leaves([1, (2,)]) and not trees.all_leaves([None])

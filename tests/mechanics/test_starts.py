@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.mechanics import phase_space
+from coadjoint.mechanics import phase_space, restart_checks
+from coadjoint.mechanics.restart_checks import continued
+from coadjoint.simulation.arguments import damping_rate
 
 GAMMA = np.array([1.0, 2.0])
 RIGID = co.System(
@@ -260,3 +265,42 @@ def test_the_motion_that_does_not_enter_is_named_by_its_largest_component_in_any
     assert phase_space._singular((cross * units * units[:, None])[None]) == pytest.approx([1, 0, 0], abs=1e-3)
     both = np.stack([np.kron(np.eye(2), regular), np.zeros((4, 4))])
     assert phase_space._singular(both) is not None and phase_space._singular(both[:1]) is None
+
+
+@pytest.mark.parametrize(
+    ("forces", "rate"),
+    [
+        (lambda motion: co.Force(-6 * motion.xi, -2 * motion.nu), 3.0),
+        (lambda motion: co.Force(-motion.xi, -4 * motion.nu), 1.0),
+        (lambda motion: co.Force(6 * motion.xi, 2 * motion.nu), 0.0),
+        (lambda motion: co.Force(-3 * motion.xi + 4 * motion.nu, -4 * motion.xi - 6 * motion.nu), 1.5),
+    ],
+    ids=["of the group", "of the place", "driven", "gyroscopic"],
+)
+def test_forces_damp_at_the_fastest_real_part_of_their_slope_by_the_mass(forces, rate):
+    """M⁻¹ ∂F/∂v with M = diag(2, 4)."""
+    system = co.System(
+        co.SO2(), lambda xi, n, nu: xi @ xi + 2 * nu @ nu - n @ n, additional=co.Trivial(1), forces=forces
+    )
+    assert damping_rate(system, system.state(q=[0.3], xi=[0.2], qdot=[0.1])) == pytest.approx(rate, abs=1e-12)
+
+
+def test_a_run_goes_on_with_the_momentum_or_the_velocity_of_a_record_of_other_parameters(monkeypatch):
+    before, after = (SimpleNamespace(parameters=co.Parameters(mass=m, drag=1.0)) for m in (2.0, 3.0))
+    start: Any = SimpleNamespace(origin=SimpleNamespace(system=before), from_velocities=False)
+    plain: Any = SimpleNamespace(replace=lambda **changes: changes)
+    monkeypatch.setattr(restart_checks, "going_on", lambda start: plain)
+    monkeypatch.setattr(restart_checks, "_velocities", lambda system, state: ("xi", "nu") if system is before else None)
+    said = "The run continues with the {} of a record; `mass` changed."
+    assert continued(cast(Any, after), start, "momentum") == (plain, said.format("momentum"))
+    moved = {"xi": "xi", "nu": "nu", "from_velocities": True}
+    assert continued(cast(Any, after), start, "velocity") == (moved, said.format("velocity"))
+    assert continued(cast(Any, before), start, None) == continued(cast(Any, before), start, "velocity") == (plain, None)
+    with pytest.raises(co.errors.ArgumentError, match="other parameters, `mass` changed: say what stays"):
+        continued(cast(Any, after), start, None)
+    start.origin.system = None
+    assert continued(cast(Any, after), start, "momentum") == continued(cast(Any, after), start, None) == (plain, None)
+    with pytest.raises(co.errors.ArgumentError, match="of this start only the momentum is known"):
+        continued(cast(Any, after), start, "velocity")
+    start.from_velocities = True
+    assert continued(cast(Any, after), start, "velocity") == (plain, None)

@@ -154,3 +154,12 @@ def test_a_start_is_checked_unless_its_verdict_is_known_and_its_version_is_read_
     )
     first, then = checks if known is None else ([], [])
     assert done == [*first, "begin", *then, *(["version"] if read is None else [])]
+
+
+def test_one_value_alone_is_a_command_or_an_input_without_a_name():
+    found = building.commands_from([0.1, 0.2])
+    assert np.array_equal(found[1], [0.1, 0.2]) and found[2].size == 2
+    signal = building.commands_from(lambda motion: motion.t)
+    assert signal[1] is None and signal[2].size == 0 and signal[0] is not None
+    both = building.commands_from({"fin": 0.3, "push": lambda motion: motion.t})
+    assert both[1].fin == 0.3 and both[2].names == ("fin",)
