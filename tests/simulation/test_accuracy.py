@@ -1,5 +1,8 @@
 """The certificate tells runs that dt resolves from those that it does not, and how accurate a step is."""
 
+import pickle
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +11,7 @@ import pytest
 import coadjoint as co
 from coadjoint.kernels import packing
 from coadjoint.simulation.accuracy.local_error import relative
-from coadjoint.simulation.accuracy.resolution import trajectory_errors
+from coadjoint.simulation.accuracy.resolution import _excited, trajectory_errors
 from coadjoint.simulation.accuracy.ruler import Doubling
 from resolution import RESOLVED, UNRESOLVED, driven, lag, near_collision, spring, top
 
@@ -290,3 +293,21 @@ def test_a_whole_trajectory_is_judged_only_where_two_runs_share_their_nodes():
         co.simulate(system, start, accuracy="full", until=lambda state: state.t - 1.0, **arguments)
     with pytest.raises(co.errors.ArgumentError, match="`accuracy` must be"):
         co.simulate(system, start, accuracy="fully", **arguments)
+
+
+def test_turn_and_rate_are_those_of_the_run_when_first_read_later():
+    system = co.System(co.SO3(), lambda xi, p: 0.5 * xi @ (p.inertia * xi), parameters={"inertia": [1.0, 2.0, 3.0]})
+    start = system.state(g=np.eye(3), xi=[1.0, 2.0, 0.5])
+    known, later, copied = (co.simulate(system, start, dt=0.01, steps=20).accuracy for _ in range(3))
+    numbers = known.numbers()
+    assert numbers["turn_max"] > 0 and numbers["fastest_rate"] > 0
+    copied = pickle.loads(pickle.dumps(copied))
+    assert not {"turn", "rate"} & vars(later).keys() and {"turn", "rate"} < vars(copied).keys()
+    assert later.numbers() == copied.numbers() == numbers
+    assert replace(later, count=0).rate == known.rate and vars(later)["rate"] == known.rate
+    with pytest.raises(AttributeError, match="'rates'"):
+        _ = later.rates
+
+
+def test_modes_that_are_not_found_give_no_rate():
+    assert _excited(np.full((2, 2), np.nan), np.ones(2), 1e-3) is None

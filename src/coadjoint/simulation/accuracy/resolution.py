@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import jax
 import numpy as np
@@ -16,7 +17,7 @@ from coadjoint.simulation.accuracy.local_error import differences, relative, siz
 from coadjoint.simulation.accuracy.ruler import Doubling, ruler_of
 from coadjoint.simulation.accuracy.sample import FIRST, Kept, Sampler, with_steps_between
 from coadjoint.simulation.accuracy.time_dependence import unresolved_inputs, unresolved_time, unseen_pulses
-from coadjoint.simulation.accuracy.verdict import Accuracy, sentence, verdict, whose
+from coadjoint.simulation.accuracy.verdict import Accuracy, largest_turn, sentence, verdict, whose
 from coadjoint.simulation.plan import Plan
 from coadjoint.simulation.result import Result
 
@@ -75,7 +76,7 @@ def unresolved_records(plan: Plan, records: State) -> str | None:
     errors, sizes = doubling.errors(rows, h)
     if not errors.good.any():
         return None
-    found = verdict(doubling, rows, h, None, errors, sizes, plan.h, turns=False)
+    found = verdict(doubling, rows, h, None, errors, sizes, plan.h)
     return sentence(plan.h, found.reasons, min(found.fine)) if found.reasons else None
 
 
@@ -99,20 +100,23 @@ def _judgement(run, doubling, records, rows, h, members, steps, errors, sizes) -
     if (dt := unresolved_time(doubling, rows, h, members)) is not None:
         reasons.append("what depends on time varies within a step")
         fine.append(dt)
-    return Accuracy(
+    fastest = doubling, rows[good][worst], float(h[good][worst]), whose(members, good, worst)
+    accuracy = Accuracy(
         count=int(good.sum()),
         median=float(np.median(errors.local)),
         worst=found.size,
         part=found.part,
         when=found.when,
-        turn=found.turn,
-        rate=fastest_rate(doubling, rows[good][worst], float(h[good][worst]), whose(members, good, worst)),
+        turn=found.turn or 0.0,
+        rate=None,
         resolving=min(fine) if fine else None,
         reasons=tuple(reasons),
         steps=steps[good],
         times=times[good],
         local_errors=errors.local,
     )
+    later = {} if found.turn is not None else {"turn": partial(largest_turn, doubling, rows, h)}
+    return accuracy.postponed(rate=partial(fastest_rate, *fastest), **later)
 
 
 SHORT = 1e-3
@@ -163,11 +167,11 @@ def fastest_rate(doubling: Doubling, row: np.ndarray, h: float, whose: PyTree) -
 
 
 def _excited(flow: np.ndarray, moved: np.ndarray, short: float) -> float | None:
-    """The largest |λ|h of the flow over short·h whose mode has a share in the motion."""
-    values, modes = np.linalg.eig(flow)
-    # The flow of every method of order 1 and more is (1 + z/2)/(1 − z/2) up to small terms, z = short·hλ.
-    z = 2 * (values - 1) / (values + 1)
+    """The largest |λ|h of the flow over short·h whose mode has a share in the motion; None if LAPACK finds no modes."""
     try:
+        values, modes = np.linalg.eig(flow)
+        # The flow of every method of order 1 and more is (1 + z/2)/(1 − z/2) up to small terms, z = short·hλ.
+        z = 2 * (values - 1) / (values + 1)
         shares = np.linalg.solve(modes, moved.astype(complex))
     except np.linalg.LinAlgError:
         return None

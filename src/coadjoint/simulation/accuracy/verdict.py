@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +24,8 @@ class Accuracy:
     excited rate of the linearised motion, if known; `resolving` is a dt that resolves the motion, None if dt does;
     `reasons` say why dt does not. With accuracy="full": `trajectory` is the largest error of the trajectory, relative
     to the extent of the motion, and `holds` the time up to which it is below 10 %, None if it always is.
+
+    `turn` and `rate` may be computed when first read, as no warning of a run depends on them: `postponed`.
     """
 
     count: int
@@ -32,7 +34,7 @@ class Accuracy:
     part: str
     when: float
     turn: float
-    rate: float | None = None
+    rate: float | None
     resolving: float | None = None
     reasons: tuple[str, ...] = ()
     trajectory: float | None = None
@@ -40,6 +42,26 @@ class Accuracy:
     steps: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     times: np.ndarray = field(default_factory=lambda: np.zeros(0))
     local_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def postponed(self, **later: Callable[[], float | None]) -> Accuracy:
+        """The same with some numbers that these functions give when they are first read."""
+        made = copy.copy(self)
+        for name in later:
+            del made.__dict__[name]
+        made.__dict__["_later"] = later
+        return made
+
+    def __getattr__(self, name: str) -> float | None:
+        """A number that was postponed."""
+        later = self.__dict__.get("_later", {})
+        if name not in later:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        value = self.__dict__[name] = later[name]()
+        return value
+
+    def __getstate__(self) -> Table:
+        """All numbers, for a copy in another process."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @property
     def resolved(self) -> bool:
@@ -77,7 +99,8 @@ def accuracy_from(numbers: Mapping[str, Any]) -> Accuracy | None:
     if "local_error_max" not in numbers:
         return None
     reasons = tuple(filter(None, str(numbers.get("unresolved", "")).split("; ")))
-    return Accuracy(**{name: numbers[key] for name, key in NAMES.items() if key in numbers}, reasons=reasons)
+    known = {name: numbers[key] for name, key in NAMES.items() if key in numbers}
+    return Accuracy(**{"rate": None, **known}, reasons=reasons)
 
 
 TOO_MUCH, TOO_MUCH_OF_ORDER_ONE = 0.05, 0.1
@@ -98,40 +121,41 @@ HALVINGS = 24
 
 class Verdict(NamedTuple):
     """The worst of some steps: its local error, the part of the state with this error, its time, and its index among
-    the good steps; the largest turn of a step, rad; the reasons against dt, and for each reason a dt that avoids it."""
+    the good steps; the largest turn of a step, rad, None if no reason depends on it; the reasons against dt, and for
+    each reason a dt that avoids it."""
 
     size: float
     part: str
     when: float
     worst: int
-    turn: float
+    turn: float | None
     reasons: list[str]
     fine: list[float]
 
 
 def verdict(
-    parts: PartsOfSteps, rows: np.ndarray, h: np.ndarray, members: PyTree, errors: Errors, sizes: PyTree, dt: Scalar,
-    turns: bool = True,
-) -> Verdict:  # fmt: skip
-    """The verdict about steps of h (k,) from rows (k, size), by their errors, which are relative to sizes by name.
-
-    turns: whether to compute the turn even if nothing depends on it; it costs eigenvalues of large groups.
-    """
+    parts: PartsOfSteps, rows: np.ndarray, h: np.ndarray, members: PyTree, errors: Errors, sizes: PyTree, dt: Scalar
+) -> Verdict:
+    """The verdict about steps of h (k,) from rows (k, size), by their errors, which are relative to sizes by name."""
     good, order = errors.good, parts.order
     worst = int(np.argmax(errors.largest))
     limit = TOO_MUCH if order > 1 else TOO_MUCH_OF_ORDER_ONE
     size, part, when = float(errors.largest[worst]), errors.part[worst], float(rows[good][worst, parts.ruler.time])
-    reasons, fine, turn = [], [], 0.0
-    if turns or size > EXACT * limit:
-        turn = float((np.abs(h) * parts.ruler.turning(rows[:, list(parts.ruler.xi)])).max())
+    reasons, fine = [], []
+    turn = largest_turn(parts, rows, h) if size > EXACT * limit else None
     if not size < limit:
         reasons.append(f"one step is off by {size:.0%} of what it moves ({part}, t = {when:.4g} s)")
         given = rows[good][[worst]], h[good][[worst]], whose(members, good, worst)
         fine.append(_resolving(parts, *given, limit, sizes))
-    if turn > ENVELOPE and size > EXACT * limit:
+    if turn is not None and turn > ENVELOPE:
         reasons.append(f"a step turns by {turn:.2g} rad")
         fine.append(abs(dt) * 0.25 * ENVELOPE / turn)
     return Verdict(size, part, when, worst, turn, reasons, fine)
+
+
+def largest_turn(parts: PartsOfSteps, rows: np.ndarray, h: np.ndarray) -> float:
+    """The largest h‖ξ‖ as an angle, rad; it costs eigenvalues of large groups."""
+    return float((np.abs(h) * parts.ruler.turning(rows[:, list(parts.ruler.xi)])).max())
 
 
 def whose(members: PyTree, good: np.ndarray, worst: int) -> Any:
@@ -215,7 +239,7 @@ class SampledSteps:
             if not errors.good.any() or not np.all(np.isfinite(errors.largest)):
                 return None
             self._sizes = larger(self._sizes, sizes)
-            found = verdict(self.parts, rows, length, members, errors, sizes, h, turns=False)
+            found = verdict(self.parts, rows, length, members, errors, sizes, h)
         if not found.reasons:
             return None
         return sentence(h, found.reasons, min(found.fine))
