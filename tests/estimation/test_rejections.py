@@ -40,6 +40,7 @@ def filter(native: bool = True, members: int | None = None, **options: Any) -> F
 
 @pytest.mark.parametrize("native", [True, False])
 @pytest.mark.parametrize(("do", "ends"), [("inflate", 0.2), ("reset", 1e-6)])
+@pytest.mark.cases(2)
 def test_the_third_fix_in_a_row_beyond_the_gate_moves_the_filter_to_it(native: bool, do: str, ends: float):
     one = filter(native, after_rejections=(3, do))
     times, values = H * np.arange(1, 8), np.tile([AWAY, -AWAY], (7, 1))

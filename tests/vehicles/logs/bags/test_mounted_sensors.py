@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.errors import CoadjointError, FileError
 from coadjoint.groups import attitude
 from coadjoint.identification import identify
 from coadjoint.identification.channels import Channels, seen
 from coadjoint.identification.log import Log
 from coadjoint.identification.smoothing import Pose, at_origin
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint_vehicles.logs import read_log, write_log, write_mcap
+from coadjoint_vehicles.logs import read_log, write_mcap
 from coadjoint_vehicles.readings.of_run import readings
 from coadjoint_vehicles.sensors import Ahrs, Depth, Dvl, Gps, Imu
 
@@ -182,34 +181,3 @@ def test_a_model_from_sensors_off_the_origin_is_the_true_one(dive, bag):
     bare = Log(log.time, log.columns, log.inputs, log.units, log.notes, log.step, log.actual)
     off = identify(guess, bare, **asked)
     assert abs(off[drag[0]].value - 0.42) > 0.01 and abs(off[drag[1]].value - 1.1) > 0.01
-
-
-WRONG = {
-    "two numbers": ({"position_m": [1.0, 2.0]}, "position must be three numbers"),
-    "a word": ({"position_m": "nose"}, "position_m must hold numbers"),
-    "millimetres": ({"position_m": [500, 0, 0]}, "at most 100 m from the origin O"),
-    "no number": ({"euler_zyx_deg": [0, 0, float("nan")]}, "Each number of .* euler_zyx must be a number"),
-    "another unit": ({"euler_zyx": [0, 0, 1]}, "`euler_zyx` .* needs its unit at its end, as in `euler_zyx_deg`"),
-    "a part of a vector": (
-        {"columns": {"u_m_s": "twist.twist.linear.x"}, "euler_zyx_deg": [0, 0, 90]},
-        "needs u, v, w together, but has u",
-    ),
-}
-
-
-@pytest.mark.parametrize("case", WRONG)
-def test_a_wrong_mounting_is_told(bag, case):
-    keys, sentence = WRONG[case]
-    with pytest.raises(FileError, match=sentence):
-        read_log(bag, sensors={"sensor": [{"topic": "/sensors/dvl", **keys}]})
-
-
-def test_a_file_that_cannot_say_where_a_sensor_sits_is_not_written(bag, tmp_path):
-    log = read_log(bag, topics=["/sensors/dvl"])
-    for name in ("log.csv", "log.mcap"):
-        with pytest.raises(CoadjointError, match=r"does not say where sensors sit, but `u` .* \[0\.5, -0\.2, 0\.1\] m"):
-            write_log(log, tmp_path / name)
-    with pytest.raises(CoadjointError, match="`positions` names `p`"):
-        Log(log.time, {"p": log.columns["u"]}, positions={"p": PLACE})
-    with pytest.raises(CoadjointError, match="three finite numbers"):
-        Log(log.time, {"u": log.columns["u"]}, positions={"u": (0.0, 1.0)})  # pyright: ignore[reportArgumentType]

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import coadjoint as co
-from coadjoint.errors import CoadjointError
-from coadjoint_vehicles.logs import read_log, write_mcap
+from coadjoint.errors import CoadjointError, FileError
+from coadjoint.identification.log import Log
+from coadjoint_vehicles.logs import read_log, write_log, write_mcap
 from coadjoint_vehicles.logs.records import VehicleRecords
 from coadjoint_vehicles.readings.of_run import readings
 from coadjoint_vehicles.sensors import Ahrs, Altimeter, Compass, Depth, Dvl, DvlBeams, Gps, Imu, Usbl
@@ -162,3 +163,34 @@ def test_an_arrival_that_no_message_can_have_is_told(run, tmp_path):
     late = run[0].dataset.assign(sensor_usbl_arrival=run[0].dataset.sensor_usbl_arrival + 1e10)
     with pytest.raises(CoadjointError, match=r"/sensors/usbl are there up to 1e\+10 s, .* give the sensor a shorter"):
         write_mcap(late, tmp_path / "late.mcap")
+
+
+WRONG = {
+    "two numbers": ({"position_m": [1.0, 2.0]}, "position must be three numbers"),
+    "a word": ({"position_m": "nose"}, "position_m must hold numbers"),
+    "millimetres": ({"position_m": [500, 0, 0]}, "at most 100 m from the origin O"),
+    "no number": ({"euler_zyx_deg": [0, 0, float("nan")]}, "Each number of .* euler_zyx must be a number"),
+    "another unit": ({"euler_zyx": [0, 0, 1]}, "`euler_zyx` .* needs its unit at its end, as in `euler_zyx_deg`"),
+    "a part of a vector": (
+        {"columns": {"u_m_s": "twist.twist.linear.x"}, "euler_zyx_deg": [0, 0, 90]},
+        "needs u, v, w together, but has u",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_mounting_is_told(bags, case):
+    keys, sentence = WRONG[case]
+    with pytest.raises(FileError, match=sentence):
+        read_log(bags / "NED.mcap", sensors={"sensor": [{"topic": "/sensors/dvl", **keys}]})
+
+
+def test_a_file_that_cannot_say_where_a_sensor_sits_is_not_written(bags, tmp_path):
+    log = read_log(bags / "NED.mcap", topics=["/sensors/dvl"])
+    for name in ("log.csv", "log.mcap"):
+        with pytest.raises(CoadjointError, match=r"does not say where sensors sit, but `u` .* \[0\.3, 0.*0\.1\] m"):
+            write_log(log, tmp_path / name)
+    with pytest.raises(CoadjointError, match="`positions` names `p`"):
+        Log(log.time, {"p": log.columns["u"]}, positions={"p": (0.3, 0.0, 0.1)})
+    with pytest.raises(CoadjointError, match="three finite numbers"):
+        Log(log.time, {"u": log.columns["u"]}, positions={"u": (0.0, 1.0)})  # pyright: ignore[reportArgumentType]
