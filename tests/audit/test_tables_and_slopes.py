@@ -225,6 +225,18 @@ def test_the_body_in_fluid_rights_itself():
     assert upright == -capsized == pytest.approx(0.6)
 
 
+def test_the_guiding_centre_has_the_lagrangian_of_littlejohn():
+    """L = (A + u b)·ẋ − ½u² − m|B| in (φ, R, Z) with A = −(r²/2q, 0, ln R)/ρ and b = (R, −Z/q, (R − 1)/q)/S."""
+    system, _ = systems.guiding_centre()
+    q, rho, moment, R, Z, u = 2.0, 2e-3, 1.2, 1.3, -0.4, 0.6
+    r2 = 0.3**2 + 0.4**2
+    S, rates = np.sqrt(1 + r2 / q**2), np.array([0.2, -0.5, 0.7])
+    A, b = np.array([-r2 / (2 * q), 0.0, -np.log(R)]) / rho, np.array([R, -Z / q, (R - 1) / q]) / S
+    expected = (A + u * b) @ rates - 0.5 * u**2 - moment * S / R
+    given = rates[:1], np.array([R, Z, u]), np.array([*rates[1:], 9.0])
+    assert float(evaluate(system.lagrangian, *given, system.parameters)) == pytest.approx(expected, rel=1e-12)
+
+
 def test_a_system_is_given_the_hamiltonian_and_the_left_rectangle_of_its_lagrangian():
     """ℋ = ½(μ − b)·J⁻¹(μ − b) + ½π²/m + U(n), Λ = hℓ, and on the group with ξ = (F − Fᵀ)ᵛ/2h."""
     J, b, mass, h = np.diag([1.0, 2.0, 3.0]), np.array([0.1, -0.2, 0.3]), 2.5, 0.2

@@ -223,3 +223,18 @@ def test_a_run_gives_its_inputs_of_the_same_shape_as_a_guess(monkeypatch):
     ):
         with pytest.raises(ArgumentError, match=f"this system with {other.count} steps.* 4 records"):
             guess._of_run(cast(Any, other), cast(Any, None), run)
+
+
+def test_changes_of_inputs_cost_their_square_over_the_length_of_a_step():
+    """Σ c (Δ + s (u − v))²/h less that of the plan, of the inputs whose command before is known."""
+    random = np.random.default_rng(4)
+    scale, cost, rated, h = np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.3, 0.7]), np.array([1, 2]), 0.2
+    expanding = made(Expanding, rated=rated, scale=scale, change_cost=cost, h=h, width=2, free=np.arange(3))
+    H, g, w = np.zeros((4, 7, 7)), np.zeros((4, 7)), random.normal(size=(4, 7))
+    change, known = random.normal(size=(4, 2)), np.ones((4, 2), bool)
+    known[0, 1] = False
+    expanding._add_changes(H, g, change, known)
+    after = change + scale[1:] * (w[:, 5:] - w[:, 2:4])  # of w: two states, v of each rated input, and all inputs
+    expected = known * cost[1:] / h * (after**2 - change**2)
+    found = 0.5 * np.einsum("ki,kij,kj->k", w, H, w) + np.sum(g * w, axis=1)
+    assert found == pytest.approx(expected.sum(axis=1), rel=1e-12)

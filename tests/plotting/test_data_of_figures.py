@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 import xarray as xr
 
 from coadjoint.errors import ArgumentError
-from coadjoint.plotting import scene_of_runs
+from coadjoint.plotting import meshes, scene_of_runs
 from coadjoint.plotting.attitude import _broken, _set_points, attitude
 from coadjoint.plotting.budget import budget
 from coadjoint.plotting.components import component_labels, momenta, variable, velocities
@@ -20,6 +21,7 @@ from coadjoint.plotting.decimation import CAPACITY, thin
 from coadjoint.plotting.entries import Entry, entries
 from coadjoint.plotting.film import Film
 from coadjoint.plotting.plots import Plots, _ending, available
+from coadjoint.plotting.sphere import _turned
 from coadjoint.plotting.style import COLOURS, DASHES, canvas, time_axis
 from coadjoint.plotting.trajectory import trajectory
 from made_runs import VEHICLE, dataset
@@ -397,3 +399,25 @@ def test_a_scene_of_a_package_above_is_that_of_runs_that_all_fit(monkeypatch):
     for nodes in (9, 3):
         scene_of_runs.scene(runs(dataset(12), dataset(nodes), labels=["a", "b"]))
     assert made == [2, "bodies"]
+
+
+@pytest.mark.parametrize("count", [4, 6])
+def test_longitudes_of_a_map_begin_in_the_west(count):
+    step = 360 / count
+    assert _turned(step * np.arange(count)).tolist() == (-180 + step * np.arange(count)).tolist()
+
+
+def test_pieces_of_a_scene_are_turned_and_moved_by_all_nodes_above_them():
+    """A node 5 m up below one that turns x to y: v ↦ R(v + 5 e_z)."""
+    corners = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
+    half = np.sqrt(0.5)
+    piece = {"primitives": [{"attributes": {"POSITION": 0}}, {"attributes": {"POSITION": 0}, "mode": 1}]}
+    nodes = [{"rotation": [0.0, 0.0, half, half], "children": [1]}, {"translation": [0.0, 0.0, 5.0], "mesh": 0}]
+    scene: Any = meshes._Scene({"nodes": nodes, "meshes": [piece]}, [], Path("here"))
+    scene.accessor = lambda number: corners
+    scene.node(0, np.eye(4))
+    ((vertices, faces),) = scene.parts
+    np.testing.assert_allclose(vertices, [[0.0, 1.0, 5.0], [-2.0, 0.0, 5.0], [0.0, 0.0, 8.0]], atol=1e-12)
+    assert faces.tolist() == [[0, 1, 2]]
+    with pytest.raises(ValueError, match="below two others"):
+        scene.node(1, np.eye(4))

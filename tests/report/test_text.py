@@ -54,3 +54,8 @@ def test_round_off_of_the_quantity_is_that_of_its_largest_factors(monkeypatch):
     runs = dict.fromkeys(("cayley", "exponential"), SimpleNamespace(records=records))
     told = text._kelvin_noether(cast(Any, SimpleNamespace(runs=runs)))
     assert "|n||π| = 1.2e+02 kg m²/s" in told and f"{np.finfo(float).eps * 120 / 0.5:.0e} of I." in told
+
+
+def test_a_matrix_is_shown_by_its_diagonal_where_that_is_all():
+    found = [text._diagonal(cast(Any, one)) for one in (np.diag([1.0, 2.5]), [[1.0, 2.0], [0.0, 1.0]], [1.0, 2.0])]
+    assert found == ["diag(1, 2.5)", "[[1.0, 2.0], [0.0, 1.0]]", "[1.0, 2.0]"]

@@ -11,10 +11,12 @@ import pytest
 import xarray
 
 from coadjoint.errors import ArgumentError, FileError
+from coadjoint_vehicles.commands import vehicles as commands
 from coadjoint_vehicles.commands.identify import Identify
 from coadjoint_vehicles.controllers.line_of_sight import LineOfSight
 from coadjoint_vehicles.figures import scenes
-from coadjoint_vehicles.importing import flying, uuv
+from coadjoint_vehicles.files import check_parts
+from coadjoint_vehicles.importing import flying, gazebo_damping, uuv
 from coadjoint_vehicles.importing.arithmetic import value_of
 from coadjoint_vehicles.logs.bags.reading import _parts
 from coadjoint_vehicles.missions import provenance, summary
@@ -197,3 +199,58 @@ def test_a_loop_ends_when_nothing_has_arrived_for_as_long_as_asked():
     loop.__dict__.update(answers=0, _socket=SimpleNamespace(recvfrom=silent, close=lambda: None))
     loop.run(cast(Any, None), idle=-1.0)
     assert next(calls) == 1
+
+
+@pytest.mark.parametrize("controller", [None, "a law"])
+def test_a_vehicle_without_a_controller_has_no_line_of_one(controller, monkeypatch):
+    summary = {"terminal_speed": 1.0, "metacentric_height": 0.1, "mass": 2.0, "displaced_mass": 2.0, "net_weight": 0.0}
+    found = {"summary": summary, "controller": controller, "parts": [], "sensors": []}
+    monkeypatch.setattr(commands, "described", lambda vehicle: found)
+    for name in ("_net", "_height", "_terminal", "_passivity"):
+        monkeypatch.setattr(commands, name, lambda *given: "")
+    monkeypatch.setattr(commands, "_told_controller", lambda one: f"by {one}")
+    shown: list[Any] = []
+    terminal = SimpleNamespace(fields=shown.extend, line=lambda text: None, table=lambda *given: None)
+    monkeypatch.setattr(commands, "terminal", terminal)
+    words = {
+        "name": "boat",
+        "description": "",
+        "note": "",
+        "licence": "",
+        "gravity": 9.81,
+        "provenance": {},
+        "sources": {},
+        "warnings": (),
+    }
+    commands.show(cast(Any, SimpleNamespace(**words)))
+    assert [name for name, _ in shown] == ["name", "mass"] + ["controller"] * bool(controller)
+    assert not controller or shown[-1] == ("controller", "by a law")
+
+
+def test_fins_are_in_front_of_the_centre_of_buoyancy_or_behind_it(monkeypatch):
+    monkeypatch.setattr(check_parts, "Fin", SimpleNamespace)
+
+    def told(*places: float, centre: float) -> list[str]:
+        fins = [
+            SimpleNamespace(name=f"fin {x:g}", area=1.0, lift_slope=3.0, normal=(0.0, 1.0, 0.0), position=(x, 0.0, 0.0))
+            for x in places
+        ]
+        vehicle = SimpleNamespace(parts=fins, center_of_buoyancy=(centre, 0.0, 0.0))
+        return [*check_parts._fins_together(cast(Any, vehicle))]
+
+    assert told(-0.5, -0.3, centre=0.1) == [] == told(0.2, -0.5, centre=0.0)
+    (yaw,) = told(-0.5, -0.9, centre=-0.8)
+    assert "its fins `fin -0.5` stand in front" in yaw and "in yaw" in yaw
+
+
+def test_damping_that_drives_some_motion_is_told_by_the_symmetric_part_of_its_matrix():
+    told: list[str] = []
+    draft: Any = SimpleNamespace(differs=told.append)
+    plugin: Any = SimpleNamespace(place="here")
+    turning = np.eye(6)
+    turning[0, 1], turning[1, 0] = 3.0, -3.0  # x·Dx = |x|²
+    gazebo_damping._told(draft, plugin, turning, np.eye(6))
+    assert told == []
+    turning[1, 0] = 3.0
+    gazebo_damping._told(draft, plugin, turning, -np.eye(6))
+    assert [sentence[:20] for sentence in told] == ["here: its linear dam", "here: its quadratic "]
