@@ -13,7 +13,7 @@ from coadjoint.audit.shipped import SHIPPED
 from coadjoint.audit.systems import PROBLEMS
 from coadjoint.kernels.trace.evaluate import evaluate
 from coadjoint.mechanics.copies import replace_parameters
-from coadjoint.methods import Step, linked_stage
+from coadjoint.methods import Step, isospectral_midpoint, linked_stage
 from coadjoint.methods import step as step_module
 from coadjoint.methods.variable_step import Pace
 
@@ -137,3 +137,38 @@ def test_states_of_links_that_are_compared_differ_by_a_size_and_turn_by_a_tenth_
         for name in names:
             assert found[name] == pytest.approx([1 + 2 * size, -3 + 4 * size])
         assert found["memory"].tolist() == np.ones((3, 2)).tolist()
+
+
+def test_parts_of_steps_that_only_audits_read_have_their_closed_forms(monkeypatch):
+    """Sources of Galerkin's method and of the projected midpoint, whose residual is relative by kinds, and work of
+    an explicit time, of the elements 3 and ½ of a group with Ad*_F m = F m."""
+    group: Any = SimpleNamespace(Ad_dual=lambda F, m: F * m, inverse=lambda F: 1 / F, dim=1)
+    system: Any = SimpleNamespace(group=group, depends_on_time=True)
+    momenta, h = {"mu": np.array([4.0]), "pi": np.array([1.0]), "nu": np.array([5.0])}, 0.1
+    record: Any = SimpleNamespace(memory="shift", t=2.0, **momenta)
+    of_galerkin: Any = SimpleNamespace(
+        _curve=lambda *_: SimpleNamespace(first="Θ₀"), _sum=lambda curve, name: np.array([7.0]) * (name == "source"),
+        difference_map=SimpleNamespace(tau=lambda group, theta: 3.0 * (theta == "Θ₀")),
+    )  # fmt: skip
+    assert np.concatenate(co.Galerkin.sources(of_galerkin, system, record, h)) == pytest.approx([3.0 * h * 7.0, 0.0])
+    lift = SimpleNamespace(source=np.array([11.0]))
+    projected: Any = SimpleNamespace(
+        _shift=lambda *_: 0.5, _shifted=lambda *_: "shifted", _lift=lambda system, at, shift, h: lift,
+        base=SimpleNamespace(sources=lambda system, at, h: (np.array([13.0]) * (at == "shifted"), None)),
+        _end=lambda *_: ("end", SimpleNamespace(source=np.array([17.0]))),
+        equations=lambda *_: np.array([1.0, -2.0, 0.25, 0.5]),
+    )  # fmt: skip
+    ahead, behind = co.methods.ProjectedMidpoint.sources(projected, system, record, h)
+    assert ahead == pytest.approx([h * 11.0 + 2.0 * 13.0]) and behind == pytest.approx([-h * 17.0])
+    node = {"mu": 2.0, "pi": 0.1, "torque": 90.0, "force": 70.0}
+    projected.nodes = lambda *_: [(1.0, SimpleNamespace(**{name: np.array([x]) for name, x in node.items()}))]
+    after: Any = SimpleNamespace(mu=np.array([3.0]), pi=np.array([2.0]))
+    found = co.methods.ProjectedMidpoint.newton_residual(projected, system, record, h, after)
+    assert float(found) == pytest.approx(max(2.0 / 9.0, 0.5 / 7.0), rel=1e-6)
+    monkeypatch.setattr(isospectral_midpoint, "momenta_of", lambda system, z: (z, 2.0))
+    timed: Any = SimpleNamespace(_hamiltonian=lambda system, record, t, mu, a: mu * t**2 + a * t)
+    record.memory = SimpleNamespace(middle=5.0)
+    work = co.IsospectralMidpoint.work(timed, system, record, h)
+    assert np.asarray(work) == pytest.approx([h * (5.0 * 2 * 2.05 + 2.0)], rel=1e-6)
+    system.depends_on_time = False
+    assert co.IsospectralMidpoint.work(timed, system, record, h).shape == (0,)

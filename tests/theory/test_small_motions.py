@@ -14,7 +14,7 @@ import coadjoint as co
 from coadjoint import theory
 from coadjoint.groups import attitude
 from coadjoint.kernels.trace.evaluate import evaluate
-from coadjoint.theory import curves, principal_bundles
+from coadjoint.theory import constraints, curves, principal_bundles
 from coadjoint.theory.euler_poincare import DiscreteEulerPoincare
 from coadjoint.theory.semidirect import SemidirectEulerPoincare
 from coadjoint.theory.unreduced import DiscreteEulerLagrange
@@ -109,3 +109,20 @@ def test_nodes_and_weights_of_rules_integrate_what_their_order_asks_for(rule):
     exact = {"LeftRectangle": [1, 0, 0, 0], "RightRectangle": [1, 1, 1, 1], "Simpson": [1, 1 / 2, 1 / 3, 1 / 4]}
     expected = exact.get(rule.__name__, [1, 1 / 2])
     assert moments[: len(expected)] == pytest.approx(expected) and np.all(np.diff(places) > 0)
+
+
+def test_variations_along_a_constraint_are_tangent_and_the_nearest():
+    """Dφ·δ = n·w and Dφ̇·δ = π·w + n·δπ of φ = ½(|n|² − 1) for a point of mass 1."""
+    system = co.System(
+        co.Translation(0), lambda xi, n, nu: 0.5 * nu @ nu, additional=co.Trivial(2),
+        constraints={"circle": co.Holonomic(lambda n: 0.5 * (n @ n - 1.0))},
+    )  # fmt: skip
+    n, pi = np.array([0.6, 0.8]), np.array([-1.6, 1.2])
+    state, nothing = system.state(q=n, qdot=pi), np.zeros(0)
+    d = constraints.PhaseVariation(nothing, np.array([0.3, -0.2]), nothing, np.array([0.5, 0.9]))
+    parts = constraints.off_constraints, constraints.tangent_to_constraints
+    off, near = evaluate(lambda s, d: [part(system, s, d) for part in parts], state, d)
+    rows = np.array([[*n, 0.0, 0.0], [*pi, *n]])
+    both = np.concatenate([d.w, d.pi])
+    np.testing.assert_allclose(off, rows @ both, atol=1e-14)
+    np.testing.assert_allclose(np.concatenate([near.w, near.pi]), both - np.linalg.pinv(rows) @ rows @ both, atol=1e-14)

@@ -78,6 +78,9 @@ def test_a_selection_has_the_value_of_the_case_that_holds():
     condition = conditions(g)[2]
     assert g.select(condition, g.true, g.false) is condition
     assert g.select(condition, g.false, g.true) is g.apply("not", condition)
+    assert g.select(condition, yes, yes) is yes and g.select(g.apply("not", condition), yes, no) is g.select(
+        condition, no, yes
+    )
 
 
 @pytest.mark.parametrize("op", ["and", "or", "xor", "eq", "ne", "lt", "le", "gt", "ge"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import numpy as np
@@ -11,7 +11,7 @@ import pytest
 
 import coadjoint as co
 from coadjoint.groups import attitude
-from coadjoint.models.multibody import Body, Joint, Mechanism
+from coadjoint.models.multibody import Body, Joint, Mechanism, mechanism
 from coadjoint.models.multibody.placing import Placing
 from mechanisms import ARM, MOMENTS, four_bar, gears, pendulum
 
@@ -53,6 +53,70 @@ def test_a_body_before_a_joint_is_placed_from_the_one_behind_it():
     (omega, v), (spin, rate) = back.twists["a"], forth.twists["b"]
     np.testing.assert_allclose(spin, -omega, atol=1e-14)  # seen from one body and from the other
     np.testing.assert_allclose(rate, -v - np.cross(omega, forth.places["b"][1] - x), atol=1e-14)
+
+
+@pytest.mark.parametrize("speeds", [{}, {"A": 2.0}, {"C": 2.0}], ids=["still", "of the same", "of another"])
+def test_coordinates_are_held_first_and_speeds_of_other_joints_at_the_place_found(monkeypatch, speeds):
+    """Projected with the coordinate of A held; and from there with its speed, unless both say the same joint."""
+    held: list[Any] = []
+
+    def projected(them, g, q, xi, qdot):
+        held.append(({key: type(one).__name__ for key, one in them.items()}, (g, q, xi, qdot)))
+        return tuple(f"{name} found" for name in ("g", "q", "xi", "qdot"))
+
+    values = [{key: np.array([x]) for key, x in given.items()} for given in ({"A": 0.4}, speeds)]
+    both = {"A": ((0.4,), (float(speeds.get("A", 0.0)),))}
+    placed = SimpleNamespace(
+        coordinates=values[0], speeds=values[1], coordinates_and_speeds=both, needs_projection=True,
+        speeds_are_held="C" not in speeds, found=lambda: ("g", "q", "xi", "qdot"),
+    )  # fmt: skip
+    monkeypatch.setattr(mechanism, "Placing", lambda made, *given: placed)
+    told: list[Any] = []
+    bond = SimpleNamespace(warn_of_turns=lambda *given: told.append(given), gap=len, rows=len, right=len)
+    monkeypatch.setattr(mechanism, "HeldCoordinates", lambda bond, both: bond)
+    monkeypatch.setattr(mechanism, "HeldSpeeds", lambda bond, speed: bond)
+    parameters = SimpleNamespace(A="its numbers")
+    one: Any = SimpleNamespace(
+        bonds={"A": bond, "C": bond}, system=SimpleNamespace(parameters=parameters), _projected=projected
+    )
+    found = Mechanism._placed(one, [])
+    assert found[0] == "g found" and told == [(values[0]["A"], "its numbers")]
+    first = {"A": "Holonomic"}, ("g", "q", "xi", "qdot")
+    then = {"C": "Nonholonomic"}, ("g found", "q found", "xi", "qdot")
+    assert held == [first, then] if "C" in speeds else held == [first]
+    placed.needs_projection = False
+    assert Mechanism._placed(one, []) == ("g", "q", "xi", "qdot")
+
+
+def test_a_state_that_is_not_there_names_what_was_given_and_the_freedoms(monkeypatch):
+    place = SimpleNamespace(g="g", q="q", xi="xi", qdot="qdot")
+    asked: list[Any] = []
+
+    def project(state):
+        raise co.errors.ArgumentError("No state on the constraints was found.")
+
+    near = SimpleNamespace(project=lambda state: place, constraints=())
+    one: Any = SimpleNamespace(
+        system=near, _state=lambda *given: given, freedoms=lambda state: 1,
+        _system=lambda held: asked.append(list(held)) or SimpleNamespace(project=project),
+    )  # fmt: skip
+    assert Mechanism._projected(one, {}, 1, 2, 3, 4) == ("g", "q", "xi", "qdot") and asked == []
+    place_of, speed_of = co.Holonomic(len), co.Nonholonomic(len)
+    with pytest.raises(co.errors.ArgumentError, match="No state on the constraints"):
+        Mechanism._projected(one, {"A": place_of}, 1, 2, 3, 4)
+    assert asked == [["A__held"]]
+    for held, what in ((place_of, "coordinates"), (speed_of, "speeds")):
+        with pytest.raises(
+            co.errors.ArgumentError, match=f"No state has the {what} given for `A`.*`B`.* 1 freedom near"
+        ):
+            Mechanism._projected(one, {"A": place_of if what == "coordinates" else speed_of, "B": held}, 1, 2, 3, 4)
+    made: Any = SimpleNamespace(bodies=["a", "b"], system=near)
+    assert Mechanism.freedoms(made, cast(Any, None)) == 12
+    near.constraints = ("hinge",)
+    monkeypatch.setattr(mechanism, "count", lambda system: 5)
+    for independent, free in ((None, 7), ((0, 1, 3), 9)):
+        monkeypatch.setattr(mechanism, "checked_start", lambda system, state, found=independent: found)
+        assert Mechanism.freedoms(made, cast(Any, None)) == free
 
 
 @pytest.mark.long
