@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from coadjoint.errors import FileError
-from coadjoint.sweeps import cluster
+from coadjoint.sweeps import address, cluster
 from coadjoint.sweeps.figures import CELLS, _edges, _ends, _varies
 
 
@@ -47,3 +47,17 @@ def test_few_values_have_a_cell_each_and_many_as_many_as_their_number_fills():
     assert len(_edges(np.linspace(0.0, 1.0, 5 * CELLS**2))) == CELLS + 1
     assert _edges(np.full(9, 2.0)).tolist() == [2.0, 2.0, 2.0] and _ends(many) == (0.0, 1.0)
     assert _varies(np.array([1.0, 2.0])) and not _varies(np.array([1.0, 1.0]))
+
+
+def test_a_scheduler_listens_at_its_host_and_port(monkeypatch):
+    asked = []
+
+    def connect(place, timeout):
+        asked.append(place)
+        if place[1] != 8786:
+            raise OSError
+        return nullcontext()
+
+    monkeypatch.setattr(address.socket, "create_connection", connect)
+    found = [address._listens(address._split(one)) for one in ("tcp://node:8786", "node:8787", "inproc://a", "node")]
+    assert found == [True, False, True, False] and asked == [("node", 8786), ("node", 8787), ("node", 0)]

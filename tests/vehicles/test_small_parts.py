@@ -16,9 +16,10 @@ from coadjoint_vehicles.commands.identify import Identify
 from coadjoint_vehicles.controllers.line_of_sight import LineOfSight
 from coadjoint_vehicles.figures import scenes
 from coadjoint_vehicles.files import check_parts
-from coadjoint_vehicles.importing import flying, gazebo_damping, uuv
+from coadjoint_vehicles.importing import flying, gazebo_actuators, gazebo_damping, uuv
 from coadjoint_vehicles.importing.arithmetic import value_of
 from coadjoint_vehicles.logs.bags.reading import _parts
+from coadjoint_vehicles.logs.records import VehicleRecords
 from coadjoint_vehicles.missions import provenance, summary
 from coadjoint_vehicles.missions.results import tilted
 from coadjoint_vehicles.model.changed import _same
@@ -254,3 +255,39 @@ def test_damping_that_drives_some_motion_is_told_by_the_symmetric_part_of_its_ma
     turning[1, 0] = 3.0
     gazebo_damping._told(draft, plugin, turning, -np.eye(6))
     assert [sentence[:20] for sentence in told] == ["here: its linear dam", "here: its quadratic "]
+
+
+def test_records_of_an_ensemble_are_of_no_vehicle():
+    with pytest.raises(ArgumentError, match=r"A log is of one run: choose a member .*isel\(member=0\)"):
+        VehicleRecords(dataset(3).expand_dims(member=2))
+
+
+@pytest.mark.parametrize(("depth", "told"), [(9.0, 1), (13.0, 0)])
+def test_a_depth_is_missed_by_more_than_half_of_the_largest_way_to_it(depth, told, monkeypatch):
+    """From 0 m to 20 m, where the first set point is 1 m."""
+    wanted = np.array([1.0, *[20.0] * 8])
+    monkeypatch.setattr(summary, "errors", lambda log: {"depth": log.set_points["depth"][0] - log.depth})
+    log: Any = SimpleNamespace(set_points={"depth": (wanted,)}, depth=np.array([0.0, *[depth] * 8]))
+    found = summary.missed(log)
+    assert len(found) == told and all("does not follow `depth`" in one and "11 m at the end" in one for one in found)
+
+
+@pytest.mark.parametrize(
+    ("ends", "limit", "notes"), [((-0.3, 0.5), 0.5, 1), ((-0.4, 0.4), 0.4, 0), ((-9.0, 9.0), 1.5708, 0)]
+)
+def test_a_foil_turns_as_far_as_its_joint_on_the_side_where_that_is_more(ends, limit, notes):
+    told, axis = [], np.array([0.0, 1.0, 0.0])
+    draft: Any = SimpleNamespace(differs=told.append, take=lambda key, value, *given: value, flip=np.ones(3), parts=[])
+    joint: Any = SimpleNamespace(axis=axis, lower=ends[0], upper=ends[1], element=SimpleNamespace(place="joint"))
+    given = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), joint
+    kinds = {"area": 0.1, "lift_slope": 3.0, "stall": 0.3}
+    made: list[Any] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(gazebo_actuators, "Airfoil", lambda word, **taken: made.append((word, taken)))
+        pose: Any = SimpleNamespace(R=np.eye(3))
+        gazebo_actuators.add_foil(draft, cast(Any, None), "body/2nd", *given, pose, 0.05, kinds, lag=0.2)
+    ((word, taken),) = made
+    assert word == "foil_2nd" and taken["limit"] == pytest.approx(limit, abs=1e-4) and len(told) == notes
+    assert taken["lag"] == 0.2 and taken["chord"][0] == 1.0 and abs(taken["normal"][2]) == 1.0
+    side = np.cross(axis, given[1]) @ given[2]
+    assert taken["zero_lift"] == -np.sign(side) * 0.05 and taken["normal"][2] == -np.sign(side)
