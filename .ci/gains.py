@@ -23,7 +23,7 @@ def designed() -> dict[str, dict]:
 
 
 def _found(controller, vehicle) -> dict:
-    known = identity("cruise", controller, vehicle)
+    known = identity(*design.parts_of_design("cruise", controller, vehicle))
     return {"digest": known.digest, **_plain(design.designed_gains(controller, vehicle))}
 
 

@@ -12,7 +12,7 @@ import coadjoint as co
 import coadjoint_vehicles as vehicles
 from coadjoint.kernels.trace.identity import identity
 from coadjoint_vehicles import Craft
-from coadjoint_vehicles.controllers import Cruise, design
+from coadjoint_vehicles.controllers import Cruise, LineOfSight, design
 from coadjoint_vehicles.files.registry import vehicle_names
 from coadjoint_vehicles.water import UniformWater
 
@@ -65,7 +65,10 @@ def test_gains_that_come_with_a_vehicle_are_used_and_ignored_once_it_is_changed(
     monkeypatch.setenv("COADJOINT_CACHE", "")
     monkeypatch.setattr(design, "designed_gains", design_begins)
     vehicle: Any = vehicles.load("remus_100")
-    assert vehicle.controller.fitted(vehicle).depth_gains[0] > 0
+    points = np.array([[20.0, 0.0, 2.0], [40.0, 0.0, 2.0]])
+    for controller in (vehicle.controller, dataclasses.replace(vehicle.controller)):  # missions take copies
+        assert controller.fitted(vehicle).depth_gains[0] > 0
+    assert LineOfSight(way_points=points).fitted(vehicle).helm.depth_gains[0] > 0
     heavier = dataclasses.replace(vehicle, mass=vehicle.mass + 1e-12)
     for controller, one in ((vehicle.controller, heavier), (Cruise(speed=1.4), vehicle)):
         with pytest.raises(AssertionError, match="designed"):
@@ -80,7 +83,7 @@ def cruising() -> dict[str, Any]:
 
 def test_gains_come_with_every_vehicle_that_has_a_cruise_controller():
     """`python .ci/gains.py` writes them anew after a change of a vehicle or of the design."""
-    digests: Any = {name: identity("cruise", one.controller, one) for name, one in cruising().items()}
+    digests: Any = {name: identity(*design.parts_of_design("cruise", one.controller, one)) for name, one in cruising().items()}
     assert {found.digest for found in digests.values()} == {*design.shipped_gains()}
 
 
@@ -91,7 +94,7 @@ def test_gains_come_with_every_vehicle_that_has_a_cruise_controller():
 )
 def test_gains_that_come_with_a_vehicle_are_those_that_are_designed_for_it(name: str):
     vehicle: Any = cruising()[name]
-    known: Any = identity("cruise", vehicle.controller, vehicle)
+    known: Any = identity(*design.parts_of_design("cruise", vehicle.controller, vehicle))
     shipped, designed = (
         design.shipped_gains()[known.digest],
         design.designed_gains(vehicle.controller, vehicle),

@@ -44,8 +44,13 @@ def propose(controller: Controller, vehicle: object) -> Any:
     Depth: θ_c = −(k_p e + k_i∫e − k_d ż), as fast as leaves every mode of (w, q, θ, fins, z, ∫e) damped.
     Speed: m u̇ = a u + b n gets PI with the same poles, and feed-forward of the trimmed thrust.
     """
-    parts = ("cruise", controller, vehicle)
+    parts = parts_of_design("cruise", controller, vehicle)
     return _with(controller, disk_cache.recalled(parts, lambda: designed_gains(controller, vehicle), shipped_gains))
+
+
+def parts_of_design(kind: str, controller: object, vehicle: Any) -> tuple[object, ...]:
+    """What gains depend on: a vehicle without its own controller, of which the given one may be a copy or not."""
+    return kind, controller, replace(vehicle, controller=None)
 
 
 @cache
@@ -129,7 +134,8 @@ def turning_model(motion: UnderWay, mixed: Allocation, fin: float) -> TurningMod
 
 def propose_attitude(controller: Any, vehicle: Any) -> Any:
     """An attitude controller with its model of a vehicle at controller.speed, and with the gains that were left out."""
-    made = disk_cache.recalled(("attitude", controller, vehicle), lambda: _attitude_gains(controller, vehicle))
+    parts = parts_of_design("attitude", controller, vehicle)
+    made = disk_cache.recalled(parts, lambda: _attitude_gains(controller, vehicle))
     return _with(controller, made, model=TurningModel(*made["model"]))
 
 
