@@ -13,6 +13,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
@@ -113,8 +114,9 @@ def load(package: str) -> None:
             call()
 
 
+@cache
 def object_of(place: str) -> PyTree:
-    """The object of this name in a package, which is loaded for it, as `jax.tree.map`."""
+    """The object of this name in a package, which is loaded for it, as `jax.tree.map`; found once."""
     module, _, name = place.rpartition(".")
     load(module.partition(".")[0])
     return getattr(import_module(module), name)

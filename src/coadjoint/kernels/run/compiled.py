@@ -21,6 +21,7 @@ import numpy as np
 from jax.experimental import serialize_executable
 
 from coadjoint.arrays import PyTree
+from coadjoint.collector import collector_off
 from coadjoint.kernels import store
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import plans
@@ -98,8 +99,9 @@ class Compiled:
     def _made(self, name: str, program: Program, args: tuple, keywords: dict[str, Any]) -> Callable[..., PyTree]:
         """The executable, compiled now, and stored if another process can run it."""
         alone = jax.jit(partial(self.function, program, **keywords), compiler_options=dict(_options(program)))
-        lowered = alone.lower(*args)
-        made = lowered.compile()
+        with collector_off():
+            lowered = alone.lower(*args)
+            made = lowered.compile()
         called = set(_CALLED.findall(lowered.as_text()))
         if edited() or not all(name.startswith((LAPACK, PREFIX)) for name in called):
             return made
