@@ -133,8 +133,9 @@ def test_loops_run_chains_that_are_long(monkeypatch):
     program, state = of_bobs(41)
     assert native.linked(program, state) is not None and not native.written(program)
     monkeypatch.setattr(native, "loops", lambda *given: True)
-    monkeypatch.setattr(observed, "run", lambda *given: "observed")
-    assert backend.run("native", program, None, state, H, 1, 1) == "observed"
+    monkeypatch.setattr(observed, "run", lambda *given, by_numpy: "NumPy" if by_numpy else "XLA")
+    given = "native", program, None, state, H, 1, 1
+    assert [backend.run(*given, length=steps) for steps in (None, 10, 513)] == ["XLA", "NumPy", "XLA"]
     assert native.linked(*of_bobs(21)) is not None and native.written(of_bobs(21)[0])
     assert native.linked(*of_bobs(20)) is None and native.written(of_bobs(20)[0])
 
@@ -143,7 +144,7 @@ def test_loops_run_chains_that_are_long(monkeypatch):
 def test_what_xla_compiles_to_observe_records_counts_as_set_up(monkeypatch, by_xla):
     calls = []
 
-    def ran(which, program, constants, state, h, records, every, watches):
+    def ran(which, program, constants, state, h, records, every, watches, length):
         calls.append((records, every))
         return native.run(program, constants, state, h, records, every, watches)
 

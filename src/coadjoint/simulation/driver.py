@@ -41,7 +41,7 @@ class Driver:
         plan = self.plan
         given = plan.backend, plan.program, plan.constants, state, plan.h, records, every, plan.watches
         if plan.members is None:
-            return kernels.run(*given)
+            return kernels.run(*given, length=None if plan.events else plan.steps)  # events repeat single steps
         return kernels.run_ensemble(*given, axes=(plan.axes, True))
 
     def drive(self, position: AnyPosition) -> None:

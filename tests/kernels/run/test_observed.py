@@ -11,6 +11,7 @@ import pytest
 from coadjoint.kernels.chunk import Chunk
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.run import native, observed
+from coadjoint.kernels.run.compiled import Compiled
 
 H = 0.5
 CALLS: list[int] = []
@@ -50,14 +51,28 @@ def pieces(monkeypatch):
     CALLS.clear()
 
 
-def test_every_step_is_observed_and_every_save_every_th_record_is_kept():
-    found = observed.run(Counting(9.0), (), {"x": np.float64(0.0)}, H, 3, 5)
+def xla_begins(*_):
+    raise AssertionError("compiled by XLA")
+
+
+@pytest.mark.parametrize("by_numpy", [False, True])
+def test_every_step_is_observed_and_every_save_every_th_record_is_kept(monkeypatch, by_numpy):
+    monkeypatch.setattr(observed, "TOGETHER", 4)
+    if by_numpy:
+        monkeypatch.setattr(Compiled, "__call__", xla_begins)
+    found = observed.run(Counting(9.0), (), {"x": np.float64(0.0)}, H, 3, 5, by_numpy=by_numpy)
     assert (found.steps, found.code, found.iterations, found.final["x"]) == (15, Code.CONVERGED, 15, 7.5)
     np.testing.assert_array_equal(found.records["x"], [0.0, 2.5, 5.0])
     np.testing.assert_array_equal(found.monitors["square"], [0.0, -3.75, 5.0])
     assert found.extrema["square"] == (-4.0, 21.0) and found.monitors["bounded"].shape == (3, 1)
     assert found.extrema["bounded"] == (0.0, 7.0)
     assert CALLS == [15]
+
+
+def test_a_run_is_brief_by_its_steps_and_by_the_numbers_in_its_records():
+    few, many = {"x": np.zeros(8)}, {"x": np.zeros(8192)}
+    assert observed.brief(Counting(0.0), few, 512) and not observed.brief(Counting(0.0), few, 513)
+    assert observed.brief(Counting(0.0), many, 128) and not observed.brief(Counting(0.0), many, 129)
 
 
 def test_no_more_steps_are_taken_before_they_are_observed_than_the_cache_holds(monkeypatch):

@@ -83,7 +83,9 @@ def cruising() -> dict[str, Any]:
 
 def test_gains_come_with_every_vehicle_that_has_a_cruise_controller():
     """`python .ci/gains.py` writes them anew after a change of a vehicle or of the design."""
-    digests: Any = {name: identity(*design.parts_of_design("cruise", one.controller, one)) for name, one in cruising().items()}
+    digests: Any = {
+        name: identity(*design.parts_of_design("cruise", one.controller, one)) for name, one in cruising().items()
+    }
     assert {found.digest for found in digests.values()} == {*design.shipped_gains()}
 
 

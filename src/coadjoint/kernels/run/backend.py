@@ -90,7 +90,8 @@ def fall_back(reason: Untraceable, backend: Backend) -> None:
 def observed_by_xla(
     backend: Backend, program: Program, parameters: PyTree, state: PyTree, monitors: bool = True
 ) -> bool:
-    """Whether XLA observes the records of native code (`run.observed`), which it compiles at the first step."""
+    """Whether XLA, or NumPy, observes the records of native code (`run.observed`), for which it is made ready at the
+    first step."""
     return backend == "native" and monitors and native.loops(program, parameters, state)
 
 
@@ -103,13 +104,17 @@ def run(
     records: int,
     save_every: int,
     monitors: bool = True,
+    length: int | None = None,
 ) -> Chunk:
-    """records·save_every steps of `program` by the backend that `choose` found, keeping every save_every-th record."""
+    """records·save_every steps of `program` by the backend that `choose` found, keeping every save_every-th record.
+
+    length: the steps of the complete run; a brief one is observed by NumPy.
+    """
     look()
-    kernel = native if backend == "native" else xla
+    given = program, parameters, state, h, records, save_every, monitors
     if observed_by_xla(backend, program, parameters, state, monitors):
-        kernel = observed
-    return kernel.run(program, parameters, state, h, records, save_every, monitors)
+        return observed.run(*given, by_numpy=length is not None and observed.brief(program, state, length))
+    return (native if backend == "native" else xla).run(*given)
 
 
 def run_ensemble(

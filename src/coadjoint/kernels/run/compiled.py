@@ -14,7 +14,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import numpy as np
@@ -26,6 +26,7 @@ from coadjoint.kernels import store
 from coadjoint.kernels.program import Program
 from coadjoint.kernels.run import plans
 from coadjoint.kernels.run.xla_function import PREFIX, ready
+from coadjoint.kernels.trace.evaluate import Tabulated, tabulate
 from coadjoint.kernels.trace.library import edited
 
 MANY_SMALL = (("xla_cpu_use_fusion_emitters", False),)
@@ -42,6 +43,8 @@ Key = tuple[Program, PyTree, tuple[tuple[str, tuple[int, ...]], ...], tuple[tupl
 
 KEPT = 32
 """The most executables that stay in memory."""
+
+Made = TypeVar("Made")
 
 
 class _Kept(NamedTuple):
@@ -68,6 +71,7 @@ class Compiled:
         self._version = cache(self._jitted)
         self._ready: OrderedDict[Key, Callable[..., PyTree] | None] = OrderedDict()
         """Executables; None for those that JAX keeps in memory alone."""
+        self._by_numpy: OrderedDict[Key, Tabulated] = OrderedDict()
         self._lock = threading.Lock()
 
     def __call__(self, program: Program, *args: object, **keywords: object) -> Any:
@@ -83,18 +87,40 @@ class Compiled:
         """The executable for arguments of these types; None if the identity of the program is unknown."""
         chosen = tuple(sorted(keywords.items()))
         key = program, jax.tree.structure(args), _types(args), chosen
+        return self._once(self._ready, key, lambda: self._executable(key, program, args, keywords))
+
+    def by_numpy(self, program: Program, *args: object) -> Any:
+        """The function of arrays of NumPy, traced once for their types: for few calls, as each takes some 15 times as
+        long as by XLA, which takes seconds to compile."""
+        key = program, jax.tree.structure(args), _types(args), ()
+
+        def traced() -> Tabulated:
+            name = plans.name(program, args, (), "numpy", self.function.__qualname__, _types(args))
+            with collector_off():
+                return tabulate(partial(self.function, program), *args, name=name)
+
+        return self._once(self._by_numpy, key, traced)(*args)
+
+    def _once(self, known: OrderedDict[Key, Made], key: Key, make: Callable[[], Made]) -> Made:
+        """The value under a key, made at its first use; the oldest ones are dropped."""
         with self._lock:
-            if key in self._ready:
-                self._ready.move_to_end(key)
-                return self._ready[key]
+            if key in known:
+                known.move_to_end(key)
+                return known[key]
+        made = make()
+        with self._lock:
+            known[key] = made
+            while len(known) > KEPT:
+                known.popitem(last=False)
+        return made
+
+    def _executable(
+        self, key: Key, program: Program, args: tuple, keywords: dict[str, Any]
+    ) -> Callable[..., PyTree] | None:
+        chosen = key[3]
         how = self.function.__qualname__, chosen, _options(program), os.environ.get("XLA_FLAGS", "")
         name = plans.name(program, args, (), "xla", *how, _types(args)) if jax.default_backend() == "cpu" else None
-        made = None if name is None else _loaded(name, args) or self._made(name, program, args, keywords)
-        with self._lock:
-            self._ready[key] = made
-            while len(self._ready) > KEPT:
-                self._ready.popitem(last=False)
-        return made
+        return None if name is None else _loaded(name, args) or self._made(name, program, args, keywords)
 
     def _made(self, name: str, program: Program, args: tuple, keywords: dict[str, Any]) -> Callable[..., PyTree]:
         """The executable, compiled now, and stored if another process can run it."""

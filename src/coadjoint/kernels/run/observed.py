@@ -1,4 +1,7 @@
-"""Native code that steps without monitors, by loops over links, and XLA that observes many of its records together."""
+"""Native code that steps without monitors, by loops over links, and XLA that observes many of its records together.
+
+NumPy observes the records of a brief run, for which XLA would compile for seconds; they agree to round-off.
+"""
 
 from __future__ import annotations
 
@@ -30,6 +33,12 @@ UNSOLVED = 1e-6
 MOST = 64
 """The most records that XLA observes in one call: more save no time."""
 
+BRIEF, NUMBERS = 512, 2**20
+"""The most steps of a run that NumPy observes, and numbers in all its records: as quickly as XLA compiles."""
+
+TOGETHER = 16
+"""How many of its records NumPy observes in one call."""
+
 
 class _Seen(NamedTuple):
     """The observations of some steps, a row for each: monitors, certificates, and whether all of them are finite.
@@ -45,14 +54,16 @@ class _Seen(NamedTuple):
 
 def run(
     program: Program, parameters: PyTree, state: PyTree, h: Scalar, records: int, save_every: int,
-    monitors: bool = True, *, pattern: tuple[int, ...] | None = None,
+    monitors: bool = True, *, pattern: tuple[int, ...] | None = None, by_numpy: bool = False,
 ) -> Chunk:  # fmt: skip
     """records·save_every steps of `program` from `state`, keeping every save_every-th record.
 
-    Every step is observed; one where an observation is not finite fails. pattern: as in `native.run`.
+    Every step is observed; one where an observation is not finite fails. pattern: as in `native.run`. by_numpy: whether
+    NumPy observes (`brief`), in place of XLA.
     """
     total, ahead = records * save_every, max(ROOM // (8 * layout(state).size * len(program.substeps)), 1)
-    part = partial(_part, program, parameters, h=h, together=min(ahead, MOST), pattern=pattern)
+    together = min(ahead, TOGETHER if by_numpy else MOST)
+    part = partial(_part, program, parameters, h=h, together=together, pattern=pattern, by_numpy=by_numpy)
     done_so_far, parts = None, []
     while done_so_far is None or (done_so_far.steps < total and not done_so_far.code):
         done = 0 if done_so_far is None else done_so_far.steps
@@ -63,6 +74,12 @@ def run(
         done_so_far, state = _continued(done_so_far, found), found.final
     kept, seen = jax.tree.map(lambda *rows: np.concatenate(rows), *parts)
     return replace(done_so_far, records=kept, monitors=seen)
+
+
+def brief(program: Program, state: PyTree, steps: int) -> bool:
+    """Whether NumPy observes a run of so many steps; it has no rule for the ledger of inputs, which is a loop."""
+    parts = steps * len(program.substeps)
+    return parts <= BRIEF and parts * layout(state).size <= NUMBERS and getattr(state, "ledger", None) is None
 
 
 def _continued(before: Chunk | None, part: Chunk) -> Chunk:
@@ -82,13 +99,13 @@ def _continued(before: Chunk | None, part: Chunk) -> Chunk:
 
 def _part(
     program: Program, parameters: PyTree, state: PyTree, steps: int, *, h: Scalar, together: int,
-    pattern: tuple[int, ...] | None,
+    pattern: tuple[int, ...] | None, by_numpy: bool = False,
 ) -> Chunk:  # fmt: skip
     """Some steps, with a record, monitors and, in `extrema`, the limits of each; up to one that fails."""
     advance = partial(native.run, program, parameters, state, h, save_every=1, monitors=False, pattern=pattern)
     chunk, parts, read = advance(steps, substeps=True), len(program.substeps), layout(state)
     rows = np.concatenate([chunk.records.reshape(-1, read.size), pack(chunk.final)[1][None]])
-    monitors, certificates, finite, nodes = _seen(program, parameters, state, rows, h, together)
+    monitors, certificates, finite, nodes = _seen(program, parameters, state, rows, h, together, by_numpy)
     good = chunk.steps if np.all(finite) else int(np.argmin(finite))
     _require_solved(certificates, good)
     if good < chunk.steps:
@@ -116,9 +133,13 @@ def _require_solved(certificates: Mapping[str, Any], good: int) -> None:
         )
 
 
-def _seen(program: Program, parameters: PyTree, start: PyTree, rows: np.ndarray, h: Scalar, together: int) -> _Seen:
+def _seen(
+    program: Program, parameters: PyTree, start: PyTree, rows: np.ndarray, h: Scalar, together: int, by_numpy: bool
+) -> _Seen:
     """The observations of the steps between rows, each a record or the node at the end, so many steps in a call."""
-    require_own_xla()
+    if not by_numpy:
+        require_own_xla()
+    observe = _observe.by_numpy if by_numpy else _observe
     parts, found = len(program.substeps), list[_Seen]()
     steps, wide = (len(rows) - 1) // parts, together * parts
     for first in range(0, max(steps * parts, 1), wide):
@@ -127,7 +148,7 @@ def _seen(program: Program, parameters: PyTree, start: PyTree, rows: np.ndarray,
         if missing:
             piece = np.concatenate([piece, np.broadcast_to(piece[-1], (missing, rows.shape[1]))])
         with jax.enable_x64(True):
-            seen = jax.tree.map(np.asarray, _observe(program, parameters, start, piece, np.float64(h)))
+            seen = jax.tree.map(np.asarray, observe(program, parameters, start, piece, np.float64(h)))
         if seen.nodes is not None:
             start = layout(start).unpack(seen.nodes[wide])
         found.append(seen)

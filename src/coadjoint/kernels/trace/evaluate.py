@@ -68,10 +68,10 @@ def hessian_of(function: Callable[..., PyTree], z: np.ndarray) -> np.ndarray:
 class Tabulated:
     """A function traced once, for many values of the same shapes."""
 
-    def __init__(self, function: Callable[..., PyTree], args: PyTree, long: bool):
+    def __init__(self, function: Callable[..., PyTree], args: PyTree, long: bool, name: str | None = None):
         args = jax.tree_util.tree_map(_numpy, args)
         self._function = function
-        self._closed, self._structure = program_of(function, args)
+        self._closed, self._structure = program_of(function, args, name)
         self._expected = jax.tree_util.tree_structure(args)
         self._shapes = [leaf.shape for leaf in jax.tree_util.tree_leaves(args)]
         self._by_xla: Callable | None = compiled(function) if long else None
@@ -143,13 +143,13 @@ class Tabulated:
         return [np.asarray(leaf) for leaf in jax.tree_util.tree_leaves(found)]
 
 
-def tabulate(function: Callable[..., PyTree], *args: object, long: bool = False) -> Tabulated:
+def tabulate(function: Callable[..., PyTree], *args: object, long: bool = False, name: str | None = None) -> Tabulated:
     """`function` traced once at the shapes of `args`: a callable for many values of the same shapes.
 
     long: whether it has loops of so many trips that XLA's compiling takes less time than they do here. Control flow
-    that depends on values stays alive.
+    that depends on values stays alive. name: under which its program is kept on disk; by default as commands need it.
     """
-    return Tabulated(function, args, long)
+    return Tabulated(function, args, long, name)
 
 
 def compiled(function: Callable) -> Callable:

@@ -1,7 +1,8 @@
 """Programs of the library's functions on disk, for commands: a repeated one evaluates them without JAX.
 
 The name of a program is the identity of its function, with all that it holds, and the shapes of the arguments. It is
-kept with machine code (`kernels.store`), sealed like this. A process that has loaded JAX from its beginning traces.
+kept with machine code (`kernels.store`), sealed like this. A process that has loaded JAX from its beginning traces,
+except where the caller names the program.
 """
 
 from __future__ import annotations
@@ -23,9 +24,14 @@ MOST = 200
 _kept: list[str] = []
 
 
-def program_of(function: Callable[..., PyTree], args: tuple[PyTree, ...]) -> tuple[PyTree, PyTree]:
-    """The jaxpr of a function of PyTrees of arrays, and the structure of its result: kept, or traced now."""
-    name = _name(function, args) if waited("jax") else None
+def program_of(
+    function: Callable[..., PyTree], args: tuple[PyTree, ...], name: str | None = None
+) -> tuple[PyTree, PyTree]:
+    """The jaxpr of a function of PyTrees of arrays, and the structure of its result: kept, or traced now.
+
+    name: under which it is kept in any process, of a function of a user too.
+    """
+    name = _name(function, args) if name is None and waited("jax") else name
     if name is None:
         return jaxpr_of(function, *args)
     content = store.fetch(name)
