@@ -25,8 +25,10 @@ from coadjoint_vehicles.missions.results import tilted
 from coadjoint_vehicles.model.changed import _same
 from coadjoint_vehicles.parts.thrusters import Thrusters
 from coadjoint_vehicles.readings import of_run
+from coadjoint_vehicles.sensors.errors import Errors
 from coadjoint_vehicles.serving.frames import _noticeable
 from coadjoint_vehicles.serving.loop import Loop
+from coadjoint_vehicles.trials import page
 from coadjoint_vehicles.water.bottom import Bottom
 from made_runs import dataset
 
@@ -291,3 +293,27 @@ def test_a_foil_turns_as_far_as_its_joint_on_the_side_where_that_is_more(ends, l
     assert taken["lag"] == 0.2 and taken["chord"][0] == 1.0 and abs(taken["normal"][2]) == 1.0
     side = np.cross(axis, given[1]) @ given[2]
     assert taken["zero_lift"] == -np.sign(side) * 0.05 and taken["normal"][2] == -np.sign(side)
+
+
+def test_white_noise_of_a_reading_is_given_or_grows_as_the_root_of_the_rate():
+    assert Errors(noise_density=[0.1, 0.2]).white(25.0, 2) == pytest.approx([0.5, 1.0])
+    assert Errors(noise=0.3).white(25.0, 2).tolist() == [0.3, 0.3] and Errors().white(25.0, 1).tolist() == [0.0]
+    assert Errors(bias_instability=0.617).wandering(1) == pytest.approx([1.0], rel=2e-3)
+
+
+@pytest.mark.parametrize(("manoeuvre", "drawn"), [("zigzag", "heading"), ("turn", "rate of turn")])
+def test_the_course_of_a_trial_is_that_of_its_heading_or_its_rate_of_turn_in_degrees(manoeuvre, drawn, monkeypatch):
+    time, lines, said = np.arange(3.0), dict[str, Any](), list[str]()
+
+    def draw(t, y, label, **look):
+        lines[label] = y
+
+    axes: Any = SimpleNamespace(plot=draw, step=draw)
+    monkeypatch.setattr(page, "_timed", lambda axes, track, label: said.append(label))
+    track: Any = SimpleNamespace(
+        manoeuvre=manoeuvre, turned=np.radians(time), rate=np.radians(2 * time), time=time, rudder=np.radians(-time),
+        order=np.radians(5 + time),
+    )  # fmt: skip
+    page._draw_course(axes, track)
+    assert lines[drawn] == pytest.approx(time if manoeuvre == "zigzag" else 2 * time) and drawn in said[0]
+    assert lines["rudder"] == pytest.approx(-time) and lines["order"] == pytest.approx(5 + time) and len(lines) == 3
