@@ -89,7 +89,7 @@ class Compiled:
         key = program, jax.tree.structure(args), _types(args), chosen
         return self._once(self._ready, key, lambda: self._executable(key, program, args, keywords))
 
-    def by_numpy(self, program: Program, *args: object) -> Any:
+    def by_numpy(self, program: Program, *args: object) -> PyTree:
         """The function of arrays of NumPy, traced once for their types: for few calls, as each takes some 15 times as
         long as by XLA, which takes seconds to compile."""
         key = program, jax.tree.structure(args), _types(args), ()
@@ -115,7 +115,7 @@ class Compiled:
         return made
 
     def _executable(
-        self, key: Key, program: Program, args: tuple, keywords: dict[str, Any]
+        self, key: Key, program: Program, args: tuple, keywords: dict[str, PyTree]
     ) -> Callable[..., PyTree] | None:
         chosen = key[3]
         how = self.function.__qualname__, chosen, _options(program), os.environ.get("XLA_FLAGS", "")

@@ -48,7 +48,7 @@ def propose(controller: Controller, vehicle: object) -> Any:
     return _with(controller, disk_cache.recalled(parts, lambda: designed_gains(controller, vehicle), shipped_gains))
 
 
-def parts_of_design(kind: str, controller: object, vehicle: Any) -> tuple[object, ...]:
+def parts_of_design(kind: str, controller: object, vehicle: PyTree) -> tuple[object, ...]:
     """What gains depend on: a vehicle without its own controller, of which the given one may be a copy or not."""
     return kind, controller, replace(vehicle, controller=None)
 
