@@ -12,7 +12,7 @@ from imports import circles, loaded, named, parsed
 STOREYS = (
     "arrays", "errors", "deprecation", "log", "collector", "interrupts", "disk", "c_sources", "memory", "manifest",
     "lazy", "postponed", "trees", "before_jax", "paths", "portable", "extensions", "earlier_names", "units", "texts",
-    "overview", "sealed", "archives",
+    "overview", "sealed", "archives", "labelled",
     "csv_tables", "roots", "kernels", "real_numbers", "known_names", "checks", "losses", "clocks", "sections",
     "groups", "spaces", "difference_maps", "mechanics", "methods", "models", "theory", "plotting", "simulation",
     "stability", "identification", "control", "estimation", "report", "audit", "runs", "sweeps", "cli", "extending",

@@ -20,6 +20,7 @@ MODULES = (
     "coadjoint.csv_tables",
     "coadjoint.disk",
     "coadjoint.errors",
+    "coadjoint.labelled",
     "coadjoint.overview",
     "coadjoint.paths",
     "coadjoint.sections",

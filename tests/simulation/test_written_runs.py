@@ -11,6 +11,7 @@ import pytest
 import xarray
 
 import coadjoint as co
+from coadjoint.labelled import Labelled
 from coadjoint.simulation import netcdf
 
 BODY = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, name="body")
@@ -115,6 +116,24 @@ def test_a_file_that_was_not_written_as_it_should_be_takes_no_name(run, tmp_path
     assert not list(tmp_path.iterdir())
 
 
+def require_same_files(ours, theirs):
+    """Both hold the same to the bit, and xarray reads the same from them, with the same encodings."""
+    with h5py.File(ours) as one, h5py.File(theirs) as other:
+        assert {*one} == {*other}
+        for name in one:
+            assert one[name].dtype == other[name].dtype
+            np.testing.assert_array_equal(one[name][()], other[name][()])
+    ours, theirs = (xarray.load_dataset(path, engine="h5netcdf") for path in (ours, theirs))
+    xarray.testing.assert_identical(ours, theirs)
+    assert [*ours.variables] == [*theirs.variables] and [*ours.attrs] == [*theirs.attrs]
+    for name, one in ours.variables.items():
+        other = theirs.variables[name]
+        assert [*one.attrs] == [*other.attrs]
+        left_out = {"source"} if one.size else {"source", "chunksizes", "preferred_chunks"}
+        encodings = ({key: str(x) for key, x in it.encoding.items() if key not in left_out} for it in (one, other))
+        assert next(encodings) == next(encodings)
+
+
 def test_a_file_of_netcdf_is_read_as_the_one_that_xarray_writes(run, tmp_path):
     """Numbers of every kind, texts, axes with and without a variable or numbers, attributes of one and of several."""
     attributes = {"n": [1, 2], "half": 0.5, "words": ["a", "bc"], "é": "ž"}
@@ -125,16 +144,68 @@ def test_a_file_of_netcdf_is_read_as_the_one_that_xarray_writes(run, tmp_path):
         single=("time", run.dataset.xi.values[:, 0].astype("f4"), attributes),
         one=((), 3),
         member=("member", [1, 2]),
-    )
-    netcdf.write(made, tmp_path / "ours.nc")
+    ).assign_coords(alone=("apart", [1.0]), code=("member", [3, 4]), beside=("time", run.dataset.time.values))
     made.to_netcdf(tmp_path / "theirs.nc", engine="h5netcdf")
-    ours, theirs = (xarray.load_dataset(tmp_path / name, engine="h5netcdf") for name in ("ours.nc", "theirs.nc"))
-    xarray.testing.assert_identical(ours, theirs)
-    assert {name: one.dtype for name, one in ours.variables.items()} == {
-        name: one.dtype for name, one in theirs.variables.items()
-    }
-    with h5py.File(tmp_path / "ours.nc") as opened:
-        assert [scale.name for scale in opened["xi"].dims[1].values()] == ["/algebra"]
+    for dataset in (made, Labelled(made.variables, {*made.coords}, made.attrs)):
+        netcdf.write(dataset, tmp_path / "ours.nc")
+        require_same_files(tmp_path / "ours.nc", tmp_path / "theirs.nc")
+        with h5py.File(tmp_path / "ours.nc") as opened:
+            assert [scale.name for scale in opened["xi"].dims[1].values()] == ["/algebra"]
+
+
+def a_run(kind, folder):
+    """A run of few steps, whose dataset has not been read."""
+    given = {"dt": 0.01, "steps": 6, "progress": False}
+    if kind in ("one", "members"):
+        spin = [0.1, 0.2, 1.0]
+        return co.simulate(BODY, BODY.state(xi=spin if kind == "one" else co.each([spin, spin[::-1]])), **given)
+    if kind == "mission":
+        (folder / "mission.toml").write_text(MISSION)
+        return co.vehicles.load_mission(folder / "mission.toml").run(progress=False)
+    system, start = SYSTEMS[kind.split()[-1]]()
+    if kind.startswith("resumed"):
+        co.simulate(system, start, store=folder / "run", **given)
+        return co.resume(folder / "run", system, progress=False)
+    return co.simulate(system, start, **given)
+
+
+def of_catalogue(name, **initial):
+    entry = co.models.catalogue[name]
+    system = entry.make()
+    return system, entry.start(system, **initial)
+
+
+SYSTEMS = {"top": lambda: of_catalogue("heavy_top"), "rod": lambda: of_catalogue("planar_rod")}
+MISSION = """
+[vehicle]
+name = "bluerov2_heavy_blue"
+[mission]
+time_s = [0, 1]
+depth_m = [0.5, 1.0]
+heading_deg = 0
+speed_m_s = 0.5
+[initial]
+position_m = [0, 0, 0.5]
+[sensors]
+bottom_m = 20
+[run]
+dt = 0.05
+duration = 1.0
+"""
+KINDS = ["one", "members", *(pytest.param(name, marks=pytest.mark.long) for name in ("resumed top", "rod", "mission"))]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_is_written_without_xarray_as_xarray_writes_its_dataset(kind, tmp_path, monkeypatch):
+    made = a_run(kind, tmp_path)
+    with monkeypatch.context() as without:
+        without.setattr(Labelled, "to_xarray", lambda self: pytest.fail("xarray was asked for"))
+        made.save(tmp_path / "ours.nc")
+    whole = made.dataset.assign(made._last_record())
+    whole.to_netcdf(tmp_path / "theirs.nc", engine="h5netcdf")
+    require_same_files(tmp_path / "ours.nc", tmp_path / "theirs.nc")
+    made.save(tmp_path / "changed.nc")
+    assert (tmp_path / "changed.nc").read_bytes() == (tmp_path / "ours.nc").read_bytes()
 
 
 def test_what_a_user_compresses_is_written_by_xarray(run, tmp_path):

@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from coadjoint.errors import ArgumentError
+from coadjoint.labelled import of_run
 from coadjoint.plotting.decimation import CAPACITY, thin
 from coadjoint.plotting.style import COLOURS, DASHES, legend
 from coadjoint.texts import Table
 
 if TYPE_CHECKING:
-    import xarray
+    from coadjoint.labelled import AnyDataset
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Entry:
     labels.
     """
 
-    dataset: xarray.Dataset
+    dataset: AnyDataset
     label: str
     place: int = 0
     crowd: int = 1
@@ -83,8 +84,8 @@ def entries(runs: Sequence[object], labels: Sequence[str] | None) -> list[Entry]
     return found
 
 
-def _dataset(run: Any) -> xarray.Dataset:
-    dataset = getattr(run, "dataset", run)
+def _dataset(run: Any) -> AnyDataset:
+    dataset = of_run(run)
     if not hasattr(dataset, "data_vars") or "time" not in dataset.dims:
         raise ArgumentError(
             f"A figure is drawn of a run or of its dataset over time, but was given {type(run).__name__}."
@@ -94,20 +95,20 @@ def _dataset(run: Any) -> xarray.Dataset:
     return dataset
 
 
-def _members(ensemble: xarray.Dataset, label: str, place: int) -> list[Entry]:
+def _members(ensemble: AnyDataset, label: str, place: int) -> list[Entry]:
     """The members of an ensemble as far as they ran: a few with separate labels, many as one crowd."""
     went = [_until_failure(ensemble.isel(member=index)) for index in range(ensemble.sizes["member"])]
     went = [member for member in went if member.sizes["time"]]
     if not went:
         raise ArgumentError("No member of this ensemble has saved nodes, so there is nothing to draw.")
     if len(went) <= len(COLOURS):
-        return [Entry(one, f"member {int(one['member'])}", place + i) for i, one in enumerate(went)]
+        return [Entry(one, f"member {int(one['member'].values)}", place + i) for i, one in enumerate(went)]
     first = f"{label}, {len(went)} members" if label else f"{len(went)} members"
     # Labels that begin with an underscore stay out of legends.
     return [Entry(one, first if i == 0 else "_", place, len(went)) for i, one in enumerate(went)]
 
 
-def _until_failure(member: xarray.Dataset) -> xarray.Dataset:
+def _until_failure(member: AnyDataset) -> AnyDataset:
     """The nodes of a member without those after a step that failed, which are NaN."""
     moving = [array for array in member.data_vars.values() if array.dims[:1] == ("time",)]
     good = np.ones(member.sizes["time"], dtype=bool)
@@ -116,7 +117,7 @@ def _until_failure(member: xarray.Dataset) -> xarray.Dataset:
     return member if good.all() else member.isel(time=good)
 
 
-def _labels(datasets: Sequence[xarray.Dataset]) -> list[str]:
+def _labels(datasets: Sequence[AnyDataset]) -> list[str]:
     """System, method and step size, as far as they differ; otherwise the method."""
     said = [{key: d.attrs.get(key, "") for key in ("system", "method", "dt")} for d in datasets]
     differ = [key for key in ("system", "method", "dt") if len({str(words[key]) for words in said}) > 1] or ["method"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from coadjoint.extensions import Registry, import_string
 
 if TYPE_CHECKING:
-    import xarray
+    from coadjoint.labelled import AnyDataset
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,6 @@ SCENES: Registry[AddedScene] = Registry("SCENES")
 """Scenes by their subject."""
 
 
-def points_down(dataset: xarray.Dataset) -> bool:
+def points_down(dataset: AnyDataset) -> bool:
     """Whether the third axis of space is known to point down in a dataset, as in those of vehicles."""
     return any(staged.down and import_string(staged.fits)(dataset) for staged in SCENES.values())

@@ -7,7 +7,6 @@ from pathlib import Path
 from coadjoint.disk import write_text
 from coadjoint.log import phase
 from coadjoint.models.paper_tables import PAPER_DURATION, PAPER_STEP
-from coadjoint.plotting.plots import Plots
 from coadjoint.plotting.style import save
 from coadjoint.report.folder import SUMMARY, claimed
 from coadjoint.report.reproduction import FIGURES, LABELS, Reproduction, compute
@@ -51,7 +50,7 @@ def draw(found: Reproduction, folder: Path) -> None:
     phase("Drawing %s.", ", ".join(FIGURES.values()))
     first, second = (found.runs[name] for name in LABELS)
     labels = list(LABELS.values())
-    plots = Plots(first.dataset)
+    plots = first.plot
     plots.energy(second, labels=labels, path=folder / FIGURES["energy"])
     plots.kelvin_noether(second, labels=labels, path=folder / FIGURES["kelvin_noether"])
     figure = plots.trajectory(second, labels=labels)

@@ -83,12 +83,13 @@ class RunFile(Runnable):
         return Setup(*self.maker(self.parameters, self.initial))
 
     def results(self, folder: Path, run: Run) -> tuple[Table, list[str]]:
+        from coadjoint.labelled import of_run
         from coadjoint.plotting.plots import save_figures
 
         if self.output.figures is False:
             return {}, []
         names = None if self.output.figures is True else self.output.figures
-        return {}, save_figures([run.dataset], folder, names, self.output.format)
+        return {}, save_figures([of_run(run)], folder, names, self.output.format)
 
 
 def read(path: str | Path, changes: Sequence[str] = ()) -> Runnable:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from coadjoint.disk import write_text
 from coadjoint.errors import FileError, StepError
+from coadjoint.labelled import of_run
 from coadjoint.log import logger
 from coadjoint.report.folder import (
     RUN_FILE,
@@ -164,7 +165,7 @@ def write(file: Runnable, folder: Path, stage: Path, made: Setup, run: Run, fail
     summary: Table = {}
     run.warnings += made.warnings
     if run.count:
-        run.dataset.attrs.update(made.attributes)
+        of_run(run).attrs.update(made.attributes)
         file.observe(run)
         run.warnings += file.warnings(run)
         run.save(stage / TRAJECTORY)

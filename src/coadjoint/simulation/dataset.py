@@ -1,16 +1,17 @@
-"""A run as a labelled xarray dataset."""
+"""A run as labelled arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import numpy as np
 
 from coadjoint.arrays import Array
 from coadjoint.groups import LieGroup, Power, attitude
+from coadjoint.labelled import Labelled
 from coadjoint.mechanics import reactions
 from coadjoint.mechanics.internal_rule import InternalRule, declared
 from coadjoint.mechanics.invariance import group_of, is_right
@@ -18,15 +19,12 @@ from coadjoint.mechanics.quantities import meaning
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
 from coadjoint.methods.rattle import kept
-from coadjoint.simulation.deferred import Deferred, after, held, of_each
+from coadjoint.simulation.deferred import Deferred, after, of_each
 from coadjoint.simulation.derived import Derivation, derivation, known_at_nodes, times
 from coadjoint.simulation.monitors import Monitor, watched
 from coadjoint.simulation.result import Result
 from coadjoint.spaces import Space
 from coadjoint.texts import Table
-
-if TYPE_CHECKING:
-    import xarray
 
 _MEANINGS = {
     "n": "n = g⁻¹q, body frame",
@@ -87,13 +85,11 @@ ANGLES = ["yaw", "pitch", "roll"]
 Variables = dict[str, tuple[tuple[str, ...], Any]]
 
 
-def dataset(run: Result) -> xarray.Dataset:
+def dataset(run: Result) -> Labelled:
     """The records of a run: states, q, body and spatial velocities, Euler angles and monitors over `time`.
 
     The variables of an ensemble have a first dimension `member`, and are NaN where a member has failed.
     """
-    import xarray  # with pandas a third of what a first run takes
-
     derive, lead = derivation(run.plan.program), () if run.members is None else ("member",)
     if run.members is None:
         records, derive = run._deferred_records, partial(derive, run.system.parameters)
@@ -101,44 +97,40 @@ def dataset(run: Result) -> xarray.Dataset:
     else:
         records = run.records
         found = member_variables(run.system, records, run.monitors, derive, members_of(records, 0))
-    made = xarray.Dataset(
-        {name: xarray.Variable((*lead, *dims), held(values)) for name, (dims, values) in found.items()},
-        coords={
-            "time": times(run.plan.program, run.start, run.plan.h, run.steps_saved, records),
-            "step": ("time", run.steps_saved),
-            **member_coordinates(run),
-            **({"angle": ANGLES} if "euler_angles" in found else {}),
-        },
-        attrs=attributes(run),
-    )
-    return labelled(made, meanings(made, run.system))
+    coordinates = {
+        "time": ("time", times(run.plan.program, run.start, run.plan.h, run.steps_saved, records)),
+        "step": ("time", run.steps_saved),
+        **member_coordinates(run),
+    }
+    known = meanings(found, run.system)
+    rows = {name: ((*lead, *dims), values) for name, (dims, values) in found.items()} | coordinates
+    return labelled({name: (*row, known.get(name, {})) for name, row in rows.items()}, {*coordinates}, attributes(run))
 
 
-def outline(run: Result) -> xarray.Dataset:
+def outline(run: Result) -> Labelled:
     """The variables that a run will have, from its first record with monitors of 0; of an ensemble those of one member.
 
     They use the parameters of all members, like its dataset: a variable known for one member may be unknown for all.
     """
-    import xarray
-
     _, state = run.one
     monitors = (made for made in run.plan.program.observed if isinstance(made, Monitor))
     observed = {one.name: np.zeros(1) for made in monitors for one in made.watched}
     records = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
     derive = partial(derivation(run.plan.program), run.system.parameters)
-    return xarray.Dataset(variables(run.system, records, observed, derive), attrs={"system": run.system.name})
+    return Labelled(variables(run.system, records, observed, derive), attrs={"system": run.system.name})
 
 
-def member_coordinates(run: Result) -> dict[str, object]:
+def member_coordinates(run: Result) -> Variables:
     """The number of each member, how many good steps it did, and how its last one ended; none of a single run."""
     if run.members is None:
         return {}
     return coordinates_of(run.position.steps_done, run.position.codes)
 
 
-def coordinates_of(steps_done: np.ndarray, codes: np.ndarray) -> dict[str, object]:
+def coordinates_of(steps_done: np.ndarray, codes: np.ndarray) -> Variables:
     """Those of members by these, (members,) each."""
-    return {"member": np.arange(len(codes)), "steps_done": ("member", steps_done), "code": ("member", codes)}
+    numbers = {"member": np.arange(len(codes)), "steps_done": steps_done, "code": codes}
+    return {name: (("member",), values) for name, values in numbers.items()}
 
 
 def member_variables(
@@ -273,13 +265,10 @@ def meanings(made: Mapping[Any, Any], system: System) -> dict[str, Table]:
     return found
 
 
-def labelled(made: xarray.Dataset, attributes: Mapping[str, Mapping[str, Any]]) -> xarray.Dataset:
-    """The dataset with named angles, and with the units and meanings of its variables."""
-    if "angle" in made.dims and "angle" not in made.coords:
-        made = made.assign_coords(angle=ANGLES)
-    for name, attrs in attributes.items():
-        made.variables[name].attrs.update(attrs)
-    return made
+def labelled(variables: Mapping[str, object], coordinates: set[str], attributes: Table) -> Labelled:
+    """The variables, of which some are coordinates, with named angles."""
+    made = Labelled(variables, coordinates, attributes)
+    return made.assign(angle=("angle", ANGLES)) if "angle" in made.sizes else made
 
 
 def _coordinates(group: LieGroup, values: Array) -> tuple[tuple[str, ...], Array]:

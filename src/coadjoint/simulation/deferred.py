@@ -1,4 +1,4 @@
-"""Arrays that are computed when their values are first read, and their place in datasets of xarray."""
+"""Arrays that are computed when their values are first read."""
 
 from __future__ import annotations
 
@@ -46,6 +46,20 @@ class Deferred:
     def _view(self, view: Callable[[np.ndarray], np.ndarray]) -> Deferred:
         return Deferred(view(blank(self.shape, self.dtype)).shape, self.dtype, lambda: view(self.values))
 
+    def of_xarray(self) -> tuple[PyTree, PyTree]:
+        """The array as xarray takes it, still computed when its values are first read, and no encoding."""
+        from coadjoint.simulation.of_xarray import computed
+
+        return computed(self), None
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _known, (self.values,)
+
+
+def _known(values: np.ndarray) -> Deferred:
+    """An array that has been computed."""
+    return Deferred(values.shape, values.dtype, lambda: values)
+
 
 def blank(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
     """Zeros that take no memory, for what asks for shapes and types alone."""
@@ -83,40 +97,3 @@ def of_each(function: Callable[..., PyTree], *records: PyTree) -> PyTree:
         return evaluate(Mapped(function), *records)
     made = tabulate(Mapped(function), *jax.tree.map(lambda leaf: blank(leaf.shape, leaf.dtype), records))
     return together(made.shapes, lambda: made(*jax.tree.map(np.asarray, records)))
-
-
-@cache
-def _adapter() -> Any:
-    """The class by which xarray holds such an array like one in memory; made late, as importing xarray takes long."""
-    from xarray.core import indexing
-
-    class InMemory(indexing.NumpyIndexingAdapter):
-        __slots__ = ("deferred", "own")
-
-        def __init__(self, deferred: Deferred):
-            self.deferred = deferred
-            self.own: np.ndarray | None = None
-
-        @property
-        def array(self) -> np.ndarray:  # pyright: ignore[reportIncompatibleVariableOverride]
-            if self.own is None:
-                self.own = np.array(self.deferred.values)  # a variable that is changed changes no record, and no other
-            return self.own
-
-        @property
-        def shape(self) -> tuple[int, ...]:
-            return self.deferred.shape
-
-        @property
-        def dtype(self) -> np.dtype:
-            return self.deferred.dtype
-
-        def __reduce__(self) -> tuple[Any, ...]:
-            return indexing.NumpyIndexingAdapter, (self.array,)
-
-    return lambda deferred: indexing.MemoryCachedArray(InMemory(deferred))
-
-
-def held(array: Any) -> Any:
-    """An array as xarray takes it, whose values are still computed when they are first read."""
-    return _adapter()(array) if isinstance(array, Deferred) else array

@@ -21,6 +21,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.csv_tables import csv_text
 from coadjoint.errors import ArgumentError, must_give, rephrased
 from coadjoint.extensions import Registry, import_string
+from coadjoint.labelled import Labelled
 from coadjoint.mechanics.energy_scale import ENERGIES, largest_kinetic, near_zero
 from coadjoint.mechanics.state import State
 from coadjoint.mechanics.system import System
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
+    from coadjoint.labelled import AnyDataset
+
 
 NETCDF = ("", ".nc", ".nc4", ".netcdf")
 """Endings of names that mean netCDF."""
@@ -53,8 +56,21 @@ class Recording:
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
-        """The records as a labelled xarray dataset."""
-        must_give(self, "dataset")
+        """The records as a labelled xarray dataset with dimensions ([member,] time, …)."""
+        found = self._arrays.to_xarray()
+        self.__dict__.pop("_arrays", None)
+        return found
+
+    @cached_property
+    def _arrays(self) -> Labelled:
+        """What `dataset` holds, without xarray."""
+        must_give(self, "_arrays")
+
+    @property
+    def _labelled(self) -> AnyDataset:
+        """The records as they are held now: the dataset once it has been read, as it may have been changed."""
+        read = self.__dict__.get("dataset")
+        return self._arrays if read is None else read
 
     @property
     def certificate(self) -> Certificate:
@@ -104,7 +120,7 @@ class Recording:
     @property
     def plot(self) -> Plots:
         """Figures: `run.plot.energy()`, `.kelvin_noether()`, `.trajectory()`, `.attitude()`."""
-        return Plots(self.dataset)
+        return Plots(self._labelled)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False, **options: Any) -> Path:
         """Write the dataset as netCDF, or in the format of the name's ending, atomically.
@@ -126,7 +142,7 @@ class Recording:
                 if text is not None:
                     temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
                 else:
-                    whole = self.dataset.assign(self._last_record())
+                    whole = self._labelled.assign(self._last_record())
                     netcdf.write(whole, temporary)
                     _require_equal(temporary, whole)
                     seal(temporary)
@@ -143,8 +159,8 @@ class Recording:
 
     def _text(self, ending: str, options: Table) -> str | bytes | None:
         """The file in a format that a package above adds; None if it is netCDF."""
-        if ending == ".csv" and not {"a_down", "a_north"} <= set(self.dataset) and not options:
-            return csv_table(self.dataset)
+        if ending == ".csv" and not {"a_down", "a_north"} <= set(self._labelled) and not options:
+            return csv_table(self._labelled)
         if ending not in FORMATS:
             if ending not in NETCDF:
                 known = ", ".join([".nc", *FORMATS])
@@ -157,10 +173,10 @@ class Recording:
         for name in options:
             if name not in known:
                 raise ArgumentError(f"A file in {ending} has no option `{name}`; it has: {', '.join(known) or 'none'}.")
-        return write(self.dataset, **options)
+        return write(self._labelled, **options)
 
 
-def _require_equal(file: Path, whole: xarray.Dataset) -> None:
+def _require_equal(file: Path, whole: AnyDataset) -> None:
     """Raise OSError unless the values in a file are bitwise equal to those of a dataset."""
     import h5py
 
@@ -192,12 +208,12 @@ LAST_RECORD = ("last_record", "run_parameters")
 """Variables of a netCDF file from which a run can be continued; a dataset in memory lacks them."""
 
 
-def csv_table(dataset: xarray.Dataset) -> str:
+def csv_table(dataset: AnyDataset) -> str:
     """The table of a dataset as CSV: one line per node. Numbers have all their digits; NaN is an empty field."""
     return csv_text(table_columns(dataset), repr)
 
 
-def table_columns(dataset: xarray.Dataset) -> dict[str, np.ndarray]:
+def table_columns(dataset: AnyDataset) -> dict[str, np.ndarray]:
     """The variables over `time` of a run, or over (`member`, `time`) of an ensemble, one row per node.
 
     Columns (rows,) are `time` and the name of every variable, followed by its indices if it is an array: mu_0, g_0_2.

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import jax
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError, FileError, rephrased, shown
 from coadjoint.interrupts import deferred_interrupts
+from coadjoint.labelled import Labelled
 from coadjoint.log import logger
 from coadjoint.manifest import MANIFEST, as_written
 from coadjoint.mechanics.inputs import Given
@@ -45,10 +46,8 @@ from coadjoint.simulation.result import Result
 from coadjoint.simulation.run import Ensemble, Run
 from coadjoint.simulation.store import Store
 from coadjoint.simulation.store_reader import read_configuration, run_manifest, standing
+from coadjoint.simulation.stored_dataset import StoredRows, stored_dataset, stored_rows
 from coadjoint.texts import Table
-
-if TYPE_CHECKING:
-    import xarray
 
 
 class _OnDisk(Result):
@@ -65,7 +64,7 @@ class _OnDisk(Result):
 
     @cached_property
     def steps_saved(self) -> np.ndarray:
-        return self.dataset["step"].values
+        return self._rows()["step"].read()
 
     @cached_property
     def records(self) -> State:
@@ -76,12 +75,15 @@ class _OnDisk(Result):
 
     @cached_property
     def monitors(self) -> dict[str, np.ndarray]:
-        return {name: self.dataset[name].values for name in self.ends}
+        return self.rows_of([*self.ends])
 
     def rows_of(self, names: Sequence[str], members: slice = slice(None)) -> dict[str, np.ndarray]:
-        found = {name: self.dataset[name][members].values for name in names}
-        self.__dict__.pop("dataset", None)  # It is read again with all warnings.
-        return found
+        rows = self._rows()
+        return {name: rows[name].read(members) for name in names}
+
+    def _rows(self) -> dict[str, StoredRows]:
+        """The arrays of the folder."""
+        return stored_rows(self.store.manifest, self.count)
 
     def _kinetic(self) -> np.ndarray:
         return np.asarray(self.store.kinetic)
@@ -91,22 +93,19 @@ class _OnDisk(Result):
         last = None if self.store.last is None else self.store.last.internal
         if last is None or self.count < 2:
             return []
-        every = -(-self.count // NODES)
+        every, rows = -(-self.count // NODES), self._rows()
 
         def read(path: tuple[Any, ...], _: object) -> np.ndarray:
-            rows = self.dataset["internal_" + jax.tree_util.keystr(path).lstrip(".").replace(".", "_")]
-            values = rows.isel(time=slice(None, None, every)).values
+            name = "internal_" + jax.tree_util.keystr(path).lstrip(".").replace(".", "_")
+            values = rows[name].read(every=every)
             return values if self.members is None else np.swapaxes(values, 0, 1)
 
-        found = jax.tree_util.tree_map_with_path(read, last)
-        self.__dict__.pop("dataset", None)
-        return [found]
+        return [jax.tree_util.tree_map_with_path(read, last)]
 
     def node_times(self) -> np.ndarray:
-        grid = self.plan.h * self.steps_saved + np.ravel(self.start.t)[0]
-        found = self.dataset["time"].values if self.method.variable else grid
-        self.__dict__.pop("dataset", None)
-        return found
+        if self.method.variable:
+            return self._rows()["time"].read()
+        return self.plan.h * self.steps_saved + np.ravel(self.start.t)[0]
 
     @property
     def ends(self) -> Extrema:
@@ -119,10 +118,8 @@ class _OnDisk(Result):
         return self.store.last
 
     @cached_property
-    def dataset(self) -> xarray.Dataset:
-        """The records as a labelled xarray dataset, read from the disk when they are used."""
-        from coadjoint.simulation.stored_dataset import stored_dataset  # loads xarray
-
+    def _arrays(self) -> Labelled:
+        """What `dataset` holds, read from the disk when it is used."""
         return stored_dataset(self.store.manifest, self.count, attributes(self), member_coordinates(self))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.arrays import Array
 from coadjoint.errors import ArgumentError
+from coadjoint.labelled import Labelled
 from coadjoint.mechanics.state import Origin, State
 from coadjoint.simulation.certificate import certificate, failure
 from coadjoint.simulation.certificate_forms import Certificate
@@ -30,8 +31,7 @@ class _Shown(Result):
     """A result with its certificate and its dataset."""
 
     @cached_property
-    def dataset(self) -> xarray.Dataset:
-        """The records as a labelled xarray dataset with dimensions ([member,] time, …)."""
+    def _arrays(self) -> Labelled:
         from coadjoint.simulation.dataset import dataset
 
         return dataset(self)

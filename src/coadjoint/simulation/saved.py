@@ -108,8 +108,6 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
     Raises FileError if the file does not exist, or if this library did not write it; ArgumentError if `system` is not a
     co.System.
     """
-    import xarray
-
     if system is not None:
         from coadjoint.mechanics.system import System
 
@@ -119,7 +117,9 @@ def load(path: str | os.PathLike[str], system: System | None = None) -> SavedRun
     if os.path.isdir(source):
         from coadjoint.simulation.stored_dataset import saved_dataset
 
-        return SavedRun(saved_dataset(source.absolute()), system)
+        return SavedRun(saved_dataset(source.absolute()).to_xarray(), system)
+    import xarray
+
     require_file(source)
     _require_listed(source)
     try:

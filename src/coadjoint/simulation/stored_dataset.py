@@ -1,4 +1,4 @@
-"""The records in the folder of a run as a dataset of xarray, read when their values are used."""
+"""The records in the folder of a run as labelled arrays, read when their values are used."""
 
 from __future__ import annotations
 
@@ -9,59 +9,66 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray
-from xarray.backends import BackendArray, BackendEntrypoint
-from xarray.core import indexing
 
+from coadjoint.arrays import PyTree
 from coadjoint.errors import FileError
+from coadjoint.labelled import Labelled
 from coadjoint.manifest import DAMAGED, Manifest, as_written
-from coadjoint.simulation.dataset import coordinates_of, labelled
+from coadjoint.simulation.dataset import Variables, coordinates_of, labelled
+from coadjoint.simulation.deferred import Deferred
 from coadjoint.simulation.store_reader import standing
 from coadjoint.simulation.zarr_reader import RECORDS, StoredArray, along_time, arrays
+from coadjoint.texts import Table
 
 
-class _Lazy(BackendArray):
-    """An array that xarray reads when its values are used."""
+class StoredRows(Deferred):
+    """The first `count` records of an array on the disk; once `values` has been read they stay in memory."""
 
-    def __init__(self, array: StoredArray):
-        self.array, self.shape, self.dtype = array, array.shape, array.dtype
+    def __init__(self, array: StoredArray, count: int):
+        self.array, self.count, self._axis = array, count, along_time(array)
+        shape = (*array.shape[: self._axis], count, *array.shape[self._axis + 1 :])
+        super().__init__(shape, array.dtype, self.read)
 
-    def __getitem__(self, key: indexing.ExplicitIndexer) -> np.ndarray:
-        basic = indexing.IndexingSupport.BASIC
-        return indexing.explicit_indexing_adapter(key, self.shape, basic, self.array.__getitem__)
+    def _part(self, members: slice, every: int) -> tuple[slice, ...]:
+        inner = [slice(None)] * (len(self.shape) - self._axis - 1)
+        return (*[members] * self._axis, slice(0, self.count, every), *inner)
+
+    def read(self, members: slice = slice(None), every: int = 1) -> np.ndarray:
+        """The records of some members at every so many-th node, read anew each time."""
+        return self.array[self._part(members, every)]
+
+    def of_xarray(self) -> tuple[PyTree, PyTree]:
+        """The array as xarray reads it when its values are used; `Dataset.chunk({})` takes the chunks of the file."""
+        from coadjoint.simulation.of_xarray import stored
+
+        chunks = self.array.chunks
+        encoding = {"chunks": chunks, "preferred_chunks": dict(zip(self.array.dims, chunks, strict=True))}
+        return stored(self.array, self._part(slice(None), 1)), encoding
 
 
-class _Backend(BackendEntrypoint):
-    """Makes a lazy dataset of arrays by their names."""
-
-    def open_dataset(self, filename_or_obj: Any, *, drop_variables: object = None) -> xarray.Dataset:
-        return xarray.Dataset({name: _variable(array) for name, array in filename_or_obj.items()})
-
-
-def _variable(array: StoredArray) -> xarray.Variable:
-    """The array, read when its values are used; `Dataset.chunk({})` takes the chunks of the file."""
-    chunks = {"chunks": array.chunks, "preferred_chunks": dict(zip(array.dims, array.chunks, strict=True))}
-    return xarray.Variable(array.dims, indexing.LazilyIndexedArray(_Lazy(array)), dict(array.attrs), chunks)
+def stored_rows(manifest: Manifest, count: int) -> dict[str, StoredRows]:
+    """The first `count` records of every array of a folder; raises FileError if it cannot hold them."""
+    opened = arrays(manifest, RECORDS)
+    _require_held(manifest, opened, count)
+    return {name: StoredRows(array, count) for name, array in opened.items()}
 
 
 def stored_dataset(
-    manifest: Manifest, count: int, attributes: Mapping[str, Any], coordinates: Mapping[str, Any] | None = None
-) -> xarray.Dataset:
+    manifest: Manifest, count: int, attributes: Mapping[str, PyTree], coordinates: Variables | None = None
+) -> Labelled:
     """The first `count` records, read from the disk when they are used; only the times are in memory.
 
     `coordinates` are those of an ensemble's members.
     """
-    opened = arrays(manifest, RECORDS)
-    _require_held(manifest, opened, count)
-    time = opened.pop("time")
-    found: xarray.Dataset = xarray.open_dataset(opened, engine=_Backend)  # pyright: ignore[reportArgumentType]
-    found = found.set_coords("step").isel(time=slice(0, count))
-    found = found.assign_coords(time=("time", time[:count], dict(time.attrs)), **(coordinates or {}))
-    found.attrs = {name: np.array(value) if isinstance(value, list) else value for name, value in attributes.items()}
-    return labelled(found, {})
+    rows = stored_rows(manifest, count)
+    time = rows.pop("time")
+    found: Table = {name: (one.array.dims, one, one.array.attrs) for name, one in rows.items()}
+    found |= {"time": ("time", time.read(), time.array.attrs), **(coordinates or {})}
+    known: Table = {name: np.array(value) if isinstance(value, list) else value for name, value in attributes.items()}
+    return labelled(found, {"step", "time", *(coordinates or {})}, known)
 
 
-def saved_dataset(folder: Path) -> xarray.Dataset:
+def saved_dataset(folder: Path) -> Labelled:
     """The dataset of the run in a folder, as far as its checkpoint; raises FileError if it is incomplete."""
     with as_written(folder):
         manifest, header, arrays = standing(folder)

@@ -11,7 +11,7 @@ from coadjoint.units import ending
 from coadjoint_vehicles.logs.records import VehicleRecords
 
 if TYPE_CHECKING:
-    import xarray
+    from coadjoint.labelled import AnyDataset
 
 
 def columns(log: VehicleRecords, axes: str = "NED/FRD") -> dict[str, np.ndarray]:
@@ -63,7 +63,7 @@ def written(name: str, values: np.ndarray, unit: str) -> dict[str, np.ndarray]:
     return {f"{name}[{i + 1}]{end}": column for i, column in enumerate(values.reshape(len(values), -1).T)}
 
 
-def log_text(dataset: xarray.Dataset, axes: str = "NED/FRD") -> str:
+def log_text(dataset: AnyDataset, axes: str = "NED/FRD") -> str:
     """Columns `time_s`, `north_m`, `east_m`, `depth_m`, …; with axes "ENU/FLU" of east, north, up.
 
     Raises ArgumentError for a run without a vehicle.

@@ -12,7 +12,7 @@ from coadjoint.arrays import PyTree
 from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
-    import xarray
+    from coadjoint.labelled import AnyDataset
 
 NEEDED = ("n", "nu", "xi", "a_down", "a_north")
 """The variables that make a run a vehicle's: its place and velocities, and down and north in body axes."""
@@ -45,7 +45,7 @@ class VehicleRecords:
     is atan2(−d_x, |(d_y, d_z)|), its roll atan2(d_y, d_z), its heading atan2((d × b)_x, b_x).
     """
 
-    dataset: xarray.Dataset
+    dataset: AnyDataset
 
     def __post_init__(self):
         if not is_vehicle(self.dataset):
@@ -155,6 +155,6 @@ class VehicleRecords:
         return np.asarray(self.dataset[name], dtype=float)
 
 
-def is_vehicle(dataset: xarray.Dataset) -> bool:
+def is_vehicle(dataset: AnyDataset) -> bool:
     """Whether a dataset is a vehicle's, with directions of down and north."""
     return all(name in dataset for name in NEEDED) and dataset["n"].shape[-1] == 3

@@ -17,8 +17,7 @@ from coadjoint_vehicles.parts.supplied_curve import Supplied
 from coadjoint_vehicles.parts.thrusters import Thrusters
 
 if TYPE_CHECKING:
-    import xarray
-
+    from coadjoint.labelled import AnyDataset
     from coadjoint_vehicles.model.vehicle import Vehicle
 
 SUPPLY = "electric_supply"
@@ -41,7 +40,7 @@ def supply(vehicle: Vehicle, parameters: Named) -> dict[str, str]:
     return {SUPPLY: json.dumps(found)} if found else {}
 
 
-def electric_summary(dataset: xarray.Dataset) -> dict[str, dict[str, float]]:
+def electric_summary(dataset: AnyDataset) -> dict[str, dict[str, float]]:
     """What thrusters with a data sheet draw, by part, from the saved nodes.
 
     energy: out of the battery, ∫ V₀ I dt, J; energy_wh: the same, W h. charge_ah: ∫ I dt, A h. current_mean,
@@ -56,7 +55,7 @@ def electric_summary(dataset: xarray.Dataset) -> dict[str, dict[str, float]]:
     }
 
 
-def beyond_sheet(dataset: xarray.Dataset) -> list[str]:
+def beyond_sheet(dataset: AnyDataset) -> list[str]:
     """A warning where a battery falls below the voltages of a data sheet; saved nodes of one run only."""
     if SUPPLY not in dataset.attrs or "member" in dataset.dims:
         return []

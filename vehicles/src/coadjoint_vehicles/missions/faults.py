@@ -17,8 +17,7 @@ from coadjoint_vehicles.logs.headers import inside
 from coadjoint_vehicles.parts.part import Part
 
 if TYPE_CHECKING:
-    import xarray
-
+    from coadjoint.labelled import AnyDataset
     from coadjoint_vehicles.model.faults import Fault
 
 ACTIONS = ("stuck", "out", "dropped")
@@ -107,14 +106,14 @@ class FaultSection:
             )
         return float(value) * factor
 
-    def sentence(self, dataset: xarray.Dataset) -> str | None:
+    def sentence(self, dataset: AnyDataset) -> str | None:
         """From when on it was there, for the certificate; saved nodes only."""
         found = dataset.get(f"internal_faults_{self.name}")
         if found is None:
             return None
         what = f"The fault `{self.name}` of {self.part} ({self.said})"
         there = np.asarray(found.values) > 0.5
-        times = np.asarray(dataset.time.values)[np.argmax(there, axis=-1)]
+        times = np.asarray(dataset["time"].values)[np.argmax(there, axis=-1)]
         if not np.any(there):
             return f"{what} did not come."
         if there.ndim > 1:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from coadjoint.checks import choice
 from coadjoint.errors import ArgumentError
+from coadjoint.labelled import of_run
 from coadjoint.sections import read
 from coadjoint.texts import Table
 from coadjoint_vehicles.files.kinds import kinds
@@ -51,12 +52,12 @@ class MissionFile(MissionSections):
         from coadjoint_vehicles.missions.results import astray, left_water, tilted
 
         steered = getattr(run.system.internal, "controller", None)
-        said = [fault.sentence(run.dataset) for fault in (*self.faults, *self.lost_sensors)]
+        said = [fault.sentence(of_run(run)) for fault in (*self.faults, *self.lost_sensors)]
         found = [
-            *left_water(run.dataset),
-            *tilted(run.dataset, steered),
-            *beyond_sheet(run.dataset),
-            *astray(run.dataset),
+            *left_water(of_run(run)),
+            *tilted(of_run(run), steered),
+            *beyond_sheet(of_run(run)),
+            *astray(of_run(run)),
         ]
         return [*found, *(sentence for sentence in said if sentence is not None)]
 
@@ -75,7 +76,7 @@ class MissionFile(MissionSections):
             summary = members(self.output, folder, run)
         else:
             summary = results(self.output, folder, run, self.mission.reached)
-        return summary, figures(self.output, folder, run.dataset)
+        return summary, figures(self.output, folder, of_run(run))
 
 
 def from_table(table: Mapping[str, Any], path: Path, text: str) -> MissionFile:

@@ -16,8 +16,7 @@ from coadjoint_vehicles.missions.faults import require_one_begin
 from coadjoint_vehicles.model.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    import xarray
-
+    from coadjoint.labelled import AnyDataset
     from coadjoint_vehicles.readings.taken import Readings
 
 
@@ -48,17 +47,17 @@ class LostSensor:
             said = unknown(f"sensor {self.sensor!r}", what, self.sensor, known)
             raise ArgumentError(said if known else f"{what} has no sensors.")
 
-    def begin(self, dataset: xarray.Dataset) -> float:
+    def begin(self, dataset: AnyDataset) -> float:
         """When it fails in a run, s; infinity where it does not."""
         if self.time is not None:
             return self.time
-        deep = np.flatnonzero(np.asarray(dataset.q.values)[:, 2] >= self.depth)
-        return float(dataset.time.values[deep[0]]) if len(deep) else np.inf
+        deep = np.flatnonzero(np.asarray(dataset["q"].values)[:, 2] >= self.depth)
+        return float(dataset["time"].values[deep[0]]) if len(deep) else np.inf
 
-    def sentence(self, dataset: xarray.Dataset) -> str:
+    def sentence(self, dataset: AnyDataset) -> str:
         """From when on it was there, for the certificate."""
         begin = self.begin(dataset)
-        if not begin <= float(dataset.time.values[-1]):
+        if not begin <= float(dataset["time"].values[-1]):
             return f"The fault `{self.name}` of the sensor {self.sensor} did not come."
         end = f" to {self.until:.6g} s" if np.isfinite(self.until) else " on"
         return f"From t = {begin:.6g} s{end}, fault `{self.name}`: the sensor {self.sensor} reads nothing."
@@ -74,7 +73,7 @@ def read_lost_sensor(name: str, given: dict[str, object]) -> LostSensor:
     return read(LostSensor, f"faults.{name}", given, name=name)
 
 
-def without_lost(lost_sensors: Iterable[LostSensor], read: Readings, dataset: xarray.Dataset) -> Readings:
+def without_lost(lost_sensors: Iterable[LostSensor], read: Readings, dataset: AnyDataset) -> Readings:
     """The readings of a run without those of failed sensors; readings taken before a failure still arrive."""
     from coadjoint_vehicles.readings.taken import Readings
 

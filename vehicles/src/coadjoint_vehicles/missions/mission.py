@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from coadjoint.errors import ArgumentError, warn
 from coadjoint.extending import Setup
 from coadjoint.extending import read_run_file as read
+from coadjoint.labelled import of_run
 from coadjoint_vehicles.missions.file import MissionFile
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class Mission:
         from coadjoint.extending import simulate_setup as simulate
 
         run = simulate(self.file, self.setup, progress)
-        run.dataset.attrs.update(self.setup.attributes)
+        of_run(run).attrs.update(self.setup.attributes)
         self.file.observe(run)
         run.warnings += [*self.setup.warnings, *self.file.warnings(run)]
         return run

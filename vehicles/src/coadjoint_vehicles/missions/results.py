@@ -12,6 +12,7 @@ from coadjoint.arrays import Array, PyTree
 from coadjoint.csv_tables import csv_text
 from coadjoint.disk import write_text
 from coadjoint.errors import ArgumentError
+from coadjoint.labelled import of_run
 from coadjoint.paths import paths
 from coadjoint.plotting.plots import Plots, available, save_figures
 from coadjoint.texts import Table
@@ -22,8 +23,7 @@ from coadjoint_vehicles.missions.sensors import counts, logs
 from coadjoint_vehicles.missions.summary import missed, mission_summary, spread
 
 if TYPE_CHECKING:
-    import xarray
-
+    from coadjoint.labelled import AnyDataset
     from coadjoint.simulation import Run
     from coadjoint_vehicles.missions.sections import MissionOutputSection, MissionRunSection
     from coadjoint_vehicles.model.controller import Controller
@@ -42,7 +42,7 @@ MOST_BYTES = 1e9
 """The most bytes of the trajectories of all members."""
 
 
-def figures(output: MissionOutputSection, folder: Path, dataset: xarray.Dataset) -> list[str]:
+def figures(output: MissionOutputSection, folder: Path, dataset: AnyDataset) -> list[str]:
     """Draw the figures of [output]; of very many members an evenly spaced subset, to bound the time."""
     if output.figures is False:
         return []
@@ -56,10 +56,10 @@ def figures(output: MissionOutputSection, folder: Path, dataset: xarray.Dataset)
     return save_figures([dataset], folder, names, output.format)
 
 
-def left_water(dataset: xarray.Dataset) -> list[str]:
+def left_water(dataset: AnyDataset) -> list[str]:
     """A warning where the craft, or members, left the water by more than half their height; saved nodes only."""
     half = 0.5 * float(dataset.attrs["vehicle_height"])
-    depth = np.asarray(dataset.q.values)[..., 2]
+    depth = np.asarray(dataset["q"].values)[..., 2]
     out = depth < -half
     if not np.any(out):
         return []
@@ -67,14 +67,14 @@ def left_water(dataset: xarray.Dataset) -> list[str]:
         count = int(np.sum(np.any(out, axis=-1)))
         whose = "1 member leaves" if count == 1 else f"{count} members leave"
         return [f"{whose} the water, up to {-np.nanmin(depth):.3g} m above it."]
-    when = float(np.asarray(dataset.time.values)[np.argmax(out)])
+    when = float(np.asarray(dataset["time"].values)[np.argmax(out)])
     return [
         f"The vehicle leaves the water: from t = {when:.6g} s on by more than half its height, for {np.mean(out):.0%} "
         f'of the time, up to {-np.min(depth):.3g} m, with forces as in water; [mission] ends = "surface" ends there.'
     ]
 
 
-def tilted(dataset: xarray.Dataset, controller: Controller | None) -> list[str]:
+def tilted(dataset: AnyDataset, controller: Controller | None) -> list[str]:
     """A warning where a craft, or members, tilt beyond TILTED though the controller keeps level; saved nodes only."""
     if controller is None or not controller.keeps_level:
         return []
@@ -94,7 +94,7 @@ def tilted(dataset: xarray.Dataset, controller: Controller | None) -> list[str]:
     ]
 
 
-def astray(dataset: xarray.Dataset) -> list[str]:
+def astray(dataset: AnyDataset) -> list[str]:
     """A warning for each set point that a vehicle does not follow; of members with their count. Not of trials."""
     if TRIAL in dataset.attrs:
         return []
@@ -120,16 +120,16 @@ def results(output: MissionOutputSection, folder: Path, run: Run, reached: Calla
     if output.animation:
         run.plot.animation(path=folder / f"animation.{output.animation}")
     if output.csv:
-        logs(run.dataset, folder)
+        logs(of_run(run), folder)
     ended = {} if run.event is None else {"ended_by": reached(run.final.q)}
-    trial = _trial(run.dataset)
-    found = {**mission_summary(run.dataset), "save_every": run.plan.save_every, **ended, **counts(run.dataset)}
+    trial = _trial(of_run(run))
+    found = {**mission_summary(of_run(run)), "save_every": run.plan.save_every, **ended, **counts(of_run(run))}
     if trial is None:
         return {"mission": found}
     return {"mission": {**found, "trial": {"manoeuvre": trial.track.manoeuvre, **trial.values}}, "notes": [trial.line]}
 
 
-def _trial(dataset: xarray.Dataset) -> TrialResult | None:
+def _trial(dataset: AnyDataset) -> TrialResult | None:
     """The figures of merit of a standard manoeuvre; None of another mission."""
     if TRIAL not in dataset.attrs:
         return None
@@ -144,7 +144,7 @@ def members(output: MissionOutputSection, folder: Path, fleet: Any) -> Table:
     The row holds the parameters that were varied and the member's figures; the summary mean, standard deviation,
     extremes and quantiles of each figure over the members that finished.
     """
-    dataset = fleet.dataset
+    dataset = of_run(fleet)
     done = [k for k in range(dataset.sizes["member"]) if k not in fleet.failures]
     if not done:
         raise ArgumentError(f"No member finished: {next(iter(fleet.failures.values()))}.")

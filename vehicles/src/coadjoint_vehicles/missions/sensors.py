@@ -13,6 +13,7 @@ import numpy as np
 from coadjoint import checks
 from coadjoint.checks import whole
 from coadjoint.errors import ArgumentError, CoadjointError
+from coadjoint.labelled import of_run
 from coadjoint.sections import key
 from coadjoint.texts import Table
 from coadjoint.units import LENGTH
@@ -21,8 +22,7 @@ from coadjoint_vehicles.missions.lost_sensors import LostSensor, without_lost
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import xarray
-
+    from coadjoint.labelled import AnyDataset
     from coadjoint.simulation import Run
     from coadjoint_vehicles.model.vehicle import Vehicle
     from coadjoint_vehicles.water.bottom import Bottom
@@ -90,12 +90,12 @@ def observe(
             warnings.simplefilter("ignore", UserWarning)
             read = readings(run, seed=section.seed, sensors=names, bottom=bottom)
         run.warnings += read.warnings
-        without_lost(lost_sensors, read, run.dataset).add_to(run.dataset)
+        without_lost(lost_sensors, read, of_run(run)).add_to(of_run(run))
     except CoadjointError as error:
         run.warnings.append(f"What [sensors] asks for could not be read: {error}")
 
 
-def logs(dataset: xarray.Dataset, folder: Path) -> None:
+def logs(dataset: AnyDataset, folder: Path) -> None:
     """Write `sensor_NAME.csv` for each sensor of a dataset to a folder."""
     from coadjoint.disk import write_text
     from coadjoint_vehicles.readings.taken import read_sensors, sensor_text
@@ -104,7 +104,7 @@ def logs(dataset: xarray.Dataset, folder: Path) -> None:
         write_text(folder / f"sensor_{name}.csv", sensor_text(dataset, name))
 
 
-def counts(dataset: xarray.Dataset) -> Table:
+def counts(dataset: AnyDataset) -> Table:
     """The summary of each sensor: the number of readings that arrived, and that were attempted."""
     from coadjoint_vehicles.readings.taken import PREFIX, read_sensors
 

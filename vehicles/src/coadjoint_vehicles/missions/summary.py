@@ -12,7 +12,7 @@ from coadjoint_vehicles.missions.electric import electric_summary
 from coadjoint_vehicles.model.saturation import OFTEN, at_limits, lost
 
 if TYPE_CHECKING:
-    import xarray
+    from coadjoint.labelled import AnyDataset
 
 LOST = "internal_controller_value_memory_lost"
 """What of the wanted wrench the limits of thrusters take away, at the nodes of a run."""
@@ -23,7 +23,7 @@ MOSTLY = 2 / 3
 """The part of the saved nodes at which a set point is far off, from which on a mission warns."""
 
 
-def mission_summary(dataset: xarray.Dataset) -> dict[str, object]:
+def mission_summary(dataset: AnyDataset) -> dict[str, object]:
     """The figures of a vehicle's run from its saved nodes: SI units, angles in degrees.
 
     `energy_put_in` is ∫ P dt of each part, J, negative where it took energy out; `energy_of_actuators` the sum of those

@@ -18,6 +18,8 @@ from coadjoint_vehicles.sensors.sensor import Sensor
 if TYPE_CHECKING:
     import xarray
 
+    from coadjoint.labelled import AnyDataset
+
 PREFIX = "sensor_"
 """The prefix of the variables of sensors in datasets."""
 
@@ -89,12 +91,12 @@ class Readings(Mapping[str, SensorReading]):
         self.add_to(made)
         return made
 
-    def add_to(self, dataset: xarray.Dataset) -> None:
+    def add_to(self, dataset: AnyDataset) -> None:
         """Add the variables of all sensors to a dataset, in place; raises ArgumentError unless it is a dataset."""
         checks.expect(hasattr(dataset, "coords"), dataset, "dataset", "that of a run, such as run.dataset")
         for name, read in self.taken.items():
             key, begin, sensor = PREFIX + name, 0, read.sensor
-            dataset.coords[f"{key}_time"] = (f"{key}_time", read.time, {"units": "s", "long_name": "time of a reading"})
+            dataset[f"{key}_time"] = (f"{key}_time", read.time, {"units": "s", "long_name": "time of a reading"})
             about = {"units": "s", "long_name": "when a reading was there", "tried": read.tried}
             dataset[f"{key}_arrival"] = (f"{key}_time", read.arrival, about)
             for channel in sensor.channels:
@@ -105,19 +107,19 @@ class Readings(Mapping[str, SensorReading]):
                 attrs |= {key: np.asarray(getattr(sensor, key), float) for key in ("position", "euler_zyx")}
                 values = read.values[:, begin : begin + count]
                 dataset[f"{key}_{channel.name}"] = ((f"{key}_time", axis), values, attrs)
-                dataset.coords[axis] = (axis, list(channel.components))
+                dataset[axis] = (axis, list(channel.components))
                 begin += count
         dataset.attrs["sensors_seed"] = self.seed
 
 
-def read_sensors(dataset: xarray.Dataset) -> list[str]:
+def read_sensors(dataset: AnyDataset) -> list[str]:
     """The names of the sensors whose readings a dataset has."""
     ends = (PREFIX, "_arrival")
     found = [str(name) for name in dataset.data_vars if str(name).startswith(ends[0]) and str(name).endswith(ends[1])]
     return [name[len(ends[0]) : -len(ends[1])] for name in found]
 
 
-def sensor_text(dataset: xarray.Dataset, name: str) -> str:
+def sensor_text(dataset: AnyDataset, name: str) -> str:
     """The readings of one sensor in a dataset as CSV: time_s, arrival_s and a column for each number."""
     key, names, units, parts = PREFIX + name, [], [], []
     arrival = dataset[f"{key}_arrival"]

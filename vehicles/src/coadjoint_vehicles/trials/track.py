@@ -17,7 +17,7 @@ from coadjoint_vehicles.controllers.manoeuvres import MANOEUVRES, TRIAL
 from coadjoint_vehicles.logs.records import VehicleRecords
 
 if TYPE_CHECKING:
-    import xarray
+    from coadjoint.labelled import AnyDataset
 
 _MEMORY = "internal_controller_value_memory"
 
@@ -75,7 +75,7 @@ class Track:
         return begin
 
     @classmethod
-    def of(cls, dataset: xarray.Dataset) -> Track:
+    def of(cls, dataset: AnyDataset) -> Track:
         """The track of a mission with the controller `trial`; raises ArgumentError for other runs."""
         log = VehicleRecords(dataset)
         if TRIAL not in dataset.attrs:
@@ -148,7 +148,7 @@ class Track:
         return float(np.sign(ordered[0])) if len(ordered) else 1.0
 
 
-def of_trial(dataset: xarray.Dataset) -> bool:
+def of_trial(dataset: AnyDataset) -> bool:
     """Whether it is a standard manoeuvre of one vehicle."""
     return TRIAL in dataset.attrs and "member" not in dataset.dims
 

@@ -20,7 +20,7 @@ from coadjoint_vehicles.sensors.message import Message
 from coadjoint_vehicles.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
-    import xarray
+    from coadjoint.labelled import AnyDataset
 
 FOLDER = "/sensors/"
 """The prefix of the topics of sensors."""
@@ -29,7 +29,7 @@ _UNKNOWN = np.r_[-1.0, np.zeros(8)]
 
 
 def sensor_rows(
-    dataset: xarray.Dataset, axes: Axes, origin: tuple[float, float] | None, water: WaterAbove
+    dataset: AnyDataset, axes: Axes, origin: tuple[float, float] | None, water: WaterAbove
 ) -> list[Written]:
     """The messages `/sensors/NAME` of every sensor whose readings a dataset has.
 
@@ -60,7 +60,7 @@ def sensor_rows(
     return found
 
 
-def mounts(dataset: xarray.Dataset) -> dict[str, str]:
+def mounts(dataset: AnyDataset) -> dict[str, str]:
     """Where sensors sit: "position.NAME", m, and "euler_zyx.NAME", rad, as texts, of those that are not at O."""
     found = {}
     for values in dataset.data_vars.values():

@@ -26,7 +26,7 @@ from coadjoint_vehicles.logs.bags.written import Written, quaternion, quaternion
 from coadjoint_vehicles.logs.records import VehicleRecords
 
 if TYPE_CHECKING:
-    import xarray
+    from coadjoint.labelled import AnyDataset
 
 OWN = "coadjoint"
 """The name of the metadata: the axes, the step and the units of commands."""
@@ -38,7 +38,7 @@ LATEST = 2.0**31
 
 
 def write_mcap(
-    dataset: xarray.Dataset,
+    dataset: AnyDataset,
     path: str | os.PathLike[str],
     *,
     axes: Axes = "ENU/FLU",
@@ -62,7 +62,7 @@ def write_mcap(
 
 
 def mcap_bytes(
-    dataset: xarray.Dataset,
+    dataset: AnyDataset,
     axes: str = "ENU/FLU",
     origin: tuple[float, float] | None = None,
     density: float = 1025.0,
@@ -163,7 +163,7 @@ def _messages(to: Any, rows: list[Written], stamps: np.ndarray) -> None:
         to.add_message(channels[row], time, contents[row][k], time, k)
 
 
-def _facts(dataset: xarray.Dataset, records: VehicleRecords, axes: str) -> dict[str, str]:
+def _facts(dataset: AnyDataset, records: VehicleRecords, axes: str) -> dict[str, str]:
     found = {"axes": axes, "system": str(dataset.attrs.get("system", ""))}
     if "dt" in dataset.attrs:
         found["dt_s"] = repr(float(dataset.attrs["dt"]))
