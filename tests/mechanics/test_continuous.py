@@ -12,7 +12,7 @@ import coadjoint as co
 from coadjoint.errors import ArgumentError
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
 from coadjoint.mechanics import continuous
-from coadjoint.mechanics.discrete import Point, node
+from coadjoint.mechanics.discrete import Chord, Point, node
 from coadjoint.mechanics.noether import isotropy_algebra, spatial_momentum, total_momentum
 from coadjoint.mechanics.start import legendre
 from systems import WORLDS, generator, random_system
@@ -263,3 +263,20 @@ def test_equations_of_the_paper_s_vehicle():
     close(M @ slope.nu, weight * a - cross(omega, M @ nu), 100)
     close(slope.n, nu - cross(omega, state.n), 10)
     close(slope.a, -cross(omega, a))
+
+
+def test_a_node_of_a_chord_has_the_torque_of_both_of_its_ends():
+    """(1 − w) ∂_nℓ × x + w ∂_nℓ × y + (π × y − π × x)/h + T, and f alike in the source, on SO(3) and ℝ³."""
+    torque, force, field = np.array([0.3, -0.1, 0.2]), np.array([0.5, 0.4, -0.7]), np.array([0.2, 0.9, -0.4])
+    system = co.System(
+        co.SO3(), lambda xi, n, nu: 0.5 * xi @ xi + nu @ nu + field @ n, additional=co.Defining(),
+        forces=lambda motion: co.Force(torque, force),
+    )  # fmt: skip
+    x, y, w, h = np.array([0.1, 0.7, -0.3]), np.array([0.4, 0.5, 0.2]), 0.3, 0.1
+    state = system.state(q=x)
+    point = Point(np.array([0.2, 0.1, 0.4]), x + w * (y - x), (y - x) / h, np.zeros(0), 0.0)
+    found = evaluate(lambda s, p, x, y: node(system, s, p, Chord(x, y, w, h)), state, point, x, y)
+    mean, pi = (1 - w) * x + w * y, 2 * (y - x) / h
+    np.testing.assert_allclose(found.torque, np.cross(field, mean) + np.cross(pi, y - x) / h + torque, atol=1e-13)
+    np.testing.assert_allclose(found.source, torque - np.cross(force, mean), atol=1e-14)
+    np.testing.assert_allclose(found.force, field + force, atol=1e-15)
