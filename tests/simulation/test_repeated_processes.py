@@ -23,7 +23,7 @@ def traced(tmp_path, monkeypatch):
     """The names of functions that are traced."""
     monkeypatch.setenv("COADJOINT_CACHE", str(tmp_path / "cache"))
     names, program_of, require_scalar = [], tracing.program_of, start.require_scalar
-    monkeypatch.setattr(tracing, "program_of", lambda f, args: (names.append(name_of(f)), program_of(f, args))[1])
+    monkeypatch.setattr(tracing, "program_of", lambda f, *more: (names.append(name_of(f)), program_of(f, *more))[1])
     monkeypatch.setattr(start, "require_scalar", lambda *args: (names.append("energy"), require_scalar(*args))[1])
     return names
 

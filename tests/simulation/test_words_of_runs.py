@@ -124,5 +124,5 @@ def test_vectors_of_a_chain_are_labelled_by_link_and_angles_by_name():
     dims, values = _coordinates(chain, rows)
     assert dims == ("time", "link", "algebra") and values[1].tolist() == [[6, 7, 8], [9, 10, 11]]
     assert _coordinates(co.SE3(), rows) == (("time", "algebra"), rows)
-    made = labelled(xarray.Dataset({"e": (("time", "angle"), np.zeros((2, 3)))}), {"e": {"units": "rad"}})
-    assert made.angle.values.tolist() == ["yaw", "pitch", "roll"] and made.e.attrs == {"units": "rad"}
+    made = labelled({"e": (("time", "angle"), np.zeros((2, 3)), {"units": "rad"})}, set(), {})
+    assert made["angle"].values.tolist() == ["yaw", "pitch", "roll"] and made["e"].attrs == {"units": "rad"}
