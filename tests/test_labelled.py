@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray
 
+from coadjoint.errors import ArgumentError
 from coadjoint.labelled import Labelled, LabelledArray, of_run
 from coadjoint.simulation.deferred import Deferred
 
@@ -61,6 +62,17 @@ def require_same(ours, theirs) -> None:
 def test_an_answer_is_that_of_xarray(ask):
     ours = made()
     require_same(ask(ours), ask(ours.to_xarray()))
+
+
+def test_a_variable_that_does_not_fit_the_others_is_refused_and_not_kept():
+    ours = made()
+    with pytest.raises(ArgumentError, match="`z` has 3 values along time, but the others have 4"):
+        ours["z"] = ("time", np.zeros(3))
+    with pytest.raises(ArgumentError, match="`z` has 2 axes, but 1 dimensions are named for them: time"):
+        ours["z"] = ("time", np.zeros((4, 2)))
+    ours["axis"] = ("axis", ["d", "e", "f"])
+    assert "z" not in ours and len(ours) == len(ours.to_xarray()) == 2
+    assert repr(ours) == repr(ours.to_xarray())
 
 
 def test_axes_change_places_as_those_of_xarray():

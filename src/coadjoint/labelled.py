@@ -14,6 +14,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from coadjoint.arrays import PyTree
+from coadjoint.errors import ArgumentError
 
 if TYPE_CHECKING:
     import xarray
@@ -163,6 +164,18 @@ class Labelled:
 
     def __setitem__(self, name: str, given: PyTree) -> None:
         made = _array(given)
+        if len(made.dims) != len(made.shape):
+            raise ArgumentError(
+                f"Variable `{name}` has {len(made.shape)} axes, but {len(made.dims)} dimensions are named for them: "
+                f"{', '.join(made.dims) or 'none'}."
+            )
+        others = (one for other, one in self.variables.items() if other != name)
+        known = {dim: n for one in others for dim, n in zip(one.dims, one.shape, strict=True)}
+        for dim, n in zip(made.dims, made.shape, strict=True):
+            if known.get(dim, n) != n:
+                raise ArgumentError(
+                    f"Variable `{name}` has {n} values along {dim}, but the others have {known[dim]}: give as many."
+                )
         self.variables[name] = made
         if made.dims == (name,):
             self._coordinates.add(name)
@@ -172,6 +185,15 @@ class Labelled:
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.data_vars)
+
+    def __len__(self) -> int:
+        return len(self.data_vars)
+
+    def __bool__(self) -> bool:
+        return len(self) > 0
+
+    def __repr__(self) -> str:
+        return repr(self.to_xarray())
 
     def __getattr__(self, name: str) -> PyTree:
         """Anything else is xarray's."""

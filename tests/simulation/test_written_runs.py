@@ -13,6 +13,7 @@ import xarray
 import coadjoint as co
 from coadjoint.labelled import Labelled
 from coadjoint.simulation import netcdf
+from coadjoint.simulation.result import FORMATS
 
 BODY = co.System(co.SO3(), lambda xi: 0.5 * xi @ xi, name="body")
 
@@ -49,6 +50,17 @@ def test_a_format_that_is_not_written_is_refused(run, tmp_path, ending):
     with pytest.raises(co.errors.ArgumentError, match=rf"ends in \.nc, .*but the name ends in \{ending}"):
         run.save(tmp_path / f"run{ending}")
     assert not list(tmp_path.iterdir())
+
+
+def kinds_of(dataset):
+    return f"{type(dataset).__module__.split('.')[0]} {len(xarray.merge([dataset]).time)}"
+
+
+def test_the_writer_of_another_package_is_given_a_dataset_of_xarray(tmp_path, monkeypatch):
+    monkeypatch.setitem(FORMATS._entries, ".kinds", f"{__name__}:kinds_of")
+    run = co.simulate(BODY, BODY.state(xi=[0.1, 0.2, 1.0]), dt=0.1, steps=5, progress=False)
+    assert run.save(tmp_path / "unread.kinds").read_text() == "xarray 6"
+    assert run.save(tmp_path / "read.kinds").read_text() == "xarray 6"
 
 
 def test_a_notebook_shows_the_card(run):

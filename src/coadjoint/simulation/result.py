@@ -173,7 +173,8 @@ class Recording:
         for name in options:
             if name not in known:
                 raise ArgumentError(f"A file in {ending} has no option `{name}`; it has: {', '.join(known) or 'none'}.")
-        return write(self._labelled, **options)
+        own = FORMATS[ending].startswith(OWN)  # these take labelled arrays too
+        return write(self._labelled if own else self.dataset, **options)
 
 
 def _require_equal(file: Path, whole: AnyDataset) -> None:
@@ -199,6 +200,9 @@ def beside(target: Path) -> Path:
     """A hidden, unique name next to `target`; the system sets the permissions of a file made there."""
     return target.parent / f".{target.name}.{secrets.token_hex(4)}"
 
+
+OWN = "coadjoint.", "coadjoint_vehicles."
+"""The packages of the library."""
 
 FORMATS: Registry[str] = Registry("FORMATS")
 """By ending, such as ".csv": "module:function", (dataset, **options) → the text of the file."""
