@@ -8,8 +8,9 @@ import pytest
 
 import coadjoint as co
 from coadjoint.difference_maps import DifferenceMap
-from coadjoint.difference_maps.axioms import require_map
+from coadjoint.difference_maps.axioms import _points, require_map
 from coadjoint.difference_maps.difference_map import _measured
+from coadjoint.errors import GroupError
 from coadjoint.groups.overrides import members
 from coadjoint.kernels.trace.evaluate import evaluate
 from own_members import broken, changed, flipped, result_scaled, scaled, sentence_of, short
@@ -54,6 +55,12 @@ def test_every_member_that_a_map_may_override_is_tested_here():
 def test_a_wrong_member_of_a_map_is_named(base, name, error):
     message = sentence_of(lambda: begin(changed(base, name, error)))
     assert f"`{name}` of Wrong()" in message
+
+
+@pytest.mark.parametrize("error", [*ERRORS["chart"][:2], lambda *_: jnp.inf, lambda *_: -0.5])
+def test_a_chart_that_is_no_distance_is_named(error):
+    with pytest.raises(GroupError, match=r"`chart` of Wrong\(\) must measure how far"):
+        _points(changed(co.Cayley, "chart", error), co.SO3())
 
 
 def test_a_map_whose_derivative_at_zero_is_not_one_is_refused():

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tests.torpedo import NOISE
 
 import coadjoint as co
@@ -169,3 +170,12 @@ def test_intervals_between_places_count_where_speeds_are_known_on_both_sides(mor
         place[2] = np.nan  # one interval less
     b, correlation = kinematics._slope(time, [place], [speed])
     assert (b, correlation) == (pytest.approx((3.0, 1.0), rel=1e-12) if more else (0.0, 0.0))
+
+
+def test_the_velocity_in_space_is_that_of_the_body_turned_by_roll_pitch_and_heading():
+    draw = np.random.default_rng(8).normal
+    velocity, angles = draw(size=(3, 5)), 0.5 * draw(size=(3, 5))
+    columns = dict(zip(("u", "v", "w", "roll", "pitch", "heading"), [*velocity, *angles], strict=True))
+    found = kinematics._in_space(np.arange(5.0), columns)
+    turned = Rotation.from_euler("ZYX", angles[::-1].T).apply(velocity.T)
+    np.testing.assert_allclose(np.stack([found[name] for name in ("north", "east", "depth")], 1), turned, atol=1e-15)
