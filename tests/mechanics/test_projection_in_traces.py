@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+from types import SimpleNamespace
+from typing import Any
+
 import jax
 import numpy as np
 import pytest
 
 import coadjoint as co
+from coadjoint.errors import ArgumentError
 from coadjoint.kernels.program import Code
 from coadjoint.kernels.trace.evaluate import evaluate, tabulate
-from coadjoint.mechanics.constrained_start import checked_members, known_start
+from coadjoint.mechanics.constrained_start import _independent, checked_members, known_start
 from coadjoint.mechanics.independent_rows import independent_rows, kept_rows
 from coadjoint.mechanics.members import stacked
 from coadjoint.mechanics.projection import _masked, tangent_start
@@ -195,3 +200,14 @@ def test_a_traced_start_off_the_constraints_has_a_code():
 def test_rows_that_are_not_of_places_are_decoupled(held, expected):
     matrix = np.array([[2.0, 3.0], [3.0, 5.0]])
     np.testing.assert_array_equal(_masked(matrix, np.array(held), 9.0), expected)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(("sizes", "named"), [((1.0, 4.0), None), ((1.0, 1e-40), "belt"), ((0.0, 1.0), "wheel")])
+def test_a_row_without_a_derivative_next_to_the_largest_is_named(sizes, named):
+    system: Any = SimpleNamespace(constraints=[SimpleNamespace(name=name, size=1) for name in ("wheel", "belt")])
+    with (
+        pytest.raises(ArgumentError, match=f"Every row of the constraint `{named}` must restrict the velocities")
+        if named
+        else contextlib.nullcontext()
+    ):
+        assert _independent(system, np.sqrt(np.diag(sizes)), np.diag(sizes)) is None

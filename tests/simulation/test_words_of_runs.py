@@ -14,7 +14,7 @@ import xarray
 import coadjoint as co
 from coadjoint.errors import ArgumentError, FileError, LagrangianError
 from coadjoint.simulation.certificate import fixed_steps, step_sizes
-from coadjoint.simulation.certificate_text import _step_sizes_in_words
+from coadjoint.simulation.certificate_text import _change, _step_sizes_in_words
 from coadjoint.simulation.dataset import _coordinates, labelled
 from coadjoint.simulation.saved import SavedRun
 
@@ -126,3 +126,11 @@ def test_vectors_of_a_chain_are_labelled_by_link_and_angles_by_name():
     assert _coordinates(co.SE3(), rows) == (("time", "algebra"), rows)
     made = labelled({"e": (("time", "angle"), np.zeros((2, 3)), {"units": "rad"})}, set(), {})
     assert made["angle"].values.tolist() == ["yaw", "pitch", "roll"] and made["e"].attrs == {"units": "rad"}
+
+
+@pytest.mark.parametrize(("size", "kind"), [(3.0, "relative"), (0.5, "relative"), (0.0, "absolute")])
+def test_a_change_is_absolute_only_where_a_quantity_has_no_size(size, kind):
+    run: Any = SimpleNamespace(ends={"energy": (np.array([0.25]), np.array([0.25]))}, sizes=lambda name: size)
+    text = _change(run, {"energy_error_max": 1e-3, "energy_error_final": 2e-4}, "energy")
+    assert text.startswith(f"0.25; largest {kind} change 1.00e-03, at the end 2.00e-04")
+    assert text.endswith("of the largest kinetic energy") == (size > 0.25)
