@@ -33,8 +33,8 @@ def write(dataset: AnyDataset, path: Path) -> None:
     if all(map(_is_plain, dataset.variables, dataset.variables.values())):
         _write(*_encoded(dataset), dataset.sizes, path)
     else:
-        whole = dataset.to_xarray() if isinstance(dataset, Labelled) else dataset
-        whole.to_netcdf(path.absolute(), engine="h5netcdf")
+        complete = dataset.to_xarray() if isinstance(dataset, Labelled) else dataset
+        complete.to_netcdf(path.absolute(), engine="h5netcdf")
 
 
 def _is_plain(name: object, variable: LabelledArray | xarray.Variable) -> bool:

@@ -142,9 +142,9 @@ class Recording:
                 if text is not None:
                     temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
                 else:
-                    whole = self._labelled.assign(self._last_record())
-                    netcdf.write(whole, temporary)
-                    _require_equal(temporary, whole)
+                    complete = self._labelled.assign(self._last_record())
+                    netcdf.write(complete, temporary)
+                    _require_equal(temporary, complete)
                     seal(temporary)
                 disk.settle(temporary)
                 disk.move(temporary, target)
@@ -177,12 +177,12 @@ class Recording:
         return write(self._labelled if own else self.dataset, **options)
 
 
-def _require_equal(file: Path, whole: AnyDataset) -> None:
+def _require_equal(file: Path, complete: AnyDataset) -> None:
     """Raise OSError unless the values in a file are bitwise equal to those of a dataset."""
     import h5py
 
     with h5py.File(file, "r") as opened:
-        for name, given in whole.variables.items():
+        for name, given in complete.variables.items():
             found: Any = opened[str(name)]
             if found.dtype.kind in "OSU":
                 continue

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from functools import reduce
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -146,6 +146,17 @@ def _converted(graph: Graph, node: Expr, kind: str) -> Expr:
     return graph.apply("truncate", node) if kind in "iu" and node.op != "truncate" else node
 
 
+Fold: TypeAlias = Callable[[Callable[[Expr, Expr], Expr], Iterable[Expr]], Expr]
+
+
+def _by_pairs(function: Callable[[Expr, Expr], Expr], row: Iterable[Expr]) -> Expr:
+    """As `reduce` of an associative function; a value waits for log₂ of their number of others, not for all before."""
+    row = list(row)
+    while len(row) > 1:
+        row = [*map(function, row[::2], row[1::2]), *row[len(row) // 2 * 2 :]]
+    return row[0]
+
+
 def _reductions(graph: Graph) -> dict[str, Rule]:
     def along(axes: tuple[int, ...], x: Array) -> tuple[Array, tuple[int, ...]]:
         kept = [axis for axis in range(x.ndim) if axis not in axes]
@@ -153,28 +164,10 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
         count = math.prod(x.shape[axis] for axis in axes)
         return x.transpose([*kept, *axes]).reshape(math.prod(shape), count), shape
 
-    def reduction(function: Callable[[Expr, Expr], Expr], start: Expr) -> Rule:
+    def reduction(function: Callable[[Expr, Expr], Expr], start: Expr, fold: Fold = reduce) -> Rule:
         def rule(p: EquationParameters, x: Array) -> Array:
             rows, shape = along(tuple(p["axes"]), x)
-            return nodes((reduce(function, row) if row.size else start for row in rows), shape)
-
-        return rule
-
-    def extremum(name: str, start: Expr) -> Rule:
-        """By pairs, of which each waits for the logarithm of their number of others rather than for all before it."""
-
-        def paired(row: list[Expr]) -> list[Expr]:
-            pairs = [graph.apply(name, a, b) for a, b in zip(row[::2], row[1::2], strict=False)]
-            return [*pairs, *row[2 * len(pairs) :]]
-
-        def rule(p: EquationParameters, x: Array) -> Array:
-            rows, shape = along(tuple(p["axes"]), x)
-            found = []
-            for row in map(list, rows):
-                while len(row) > 1:
-                    row = paired(row)
-                found += row or [start]
-            return nodes(found, shape)
+            return nodes((fold(function, row) if row.size else start for row in rows), shape)
 
         return rule
 
@@ -207,8 +200,8 @@ def _reductions(graph: Graph) -> dict[str, Rule]:
         "cumprod": cumulative(graph.mul),
         "cumsum": cumulative(graph.add),
         "reduce_and": reduction(named("and"), graph.true),
-        "reduce_max": extremum("max", graph.constant(-math.inf)),
-        "reduce_min": extremum("min", graph.constant(math.inf)),
+        "reduce_max": reduction(named("max"), graph.constant(-math.inf), _by_pairs),
+        "reduce_min": reduction(named("min"), graph.constant(math.inf), _by_pairs),
         "reduce_or": reduction(named("or"), graph.false),
         "reduce_prod": reduction(graph.mul, graph.one),
         "reduce_sum": reduction(graph.add, graph.zero),
